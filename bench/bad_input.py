@@ -26,33 +26,35 @@ ME = "--sensor painted.toml --json report.jsonl"
 
 HEAD = f"""# What happens with bad input
 
-Exit codes: 0 done, 1 failed on the way, interrupted, or not one frame could be judged, 2 what was asked for cannot be (arguments, sensor or settings
-file, nothing to read), 3 finished, but frames were torn. A report so far written is kept, and every line of it is
-whole; where there is nothing to judge by there is none.
+Exit codes: 0 done; 1 failed while running, interrupted, or no frame could be judged; 2 invalid request (arguments, sensor or
+settings file, nothing to read); 3 finished, but frames were torn. A partial report is kept, and all its lines are complete.
+Without a usable rest frame there is no report.
 
 Made by `python3 bench/bad_input.py --write`, which prepares each case from `testdata/` in a temporary folder, runs
-the command and parses its report line by line (a header, then a line a frame; the whole recording has 48). In the
-second column `slipbound watch` is left out and `...` is `{ME}`.
-Under "Calibrating" the last column says whether a sensor file was left.
-Messages go to standard error; what is in italics is from the closing summary on standard output, which tells the
-first torn frame again.
+the command and parses its report line by line (a header, then one line per frame; the complete recording has 48). The
+second column omits `slipbound watch`, and `...` stands for `{ME}`.
+Under "Calibrating" the last column states whether a sensor file was written.
+Messages go to standard error; text in italics is from the closing summary on standard output, which repeats the first
+torn frame.
 """
 
 TAIL = """
-## What is not noticed
+## What is not detected
 
-- A JPEG damaged inside its picture data can be valid JPEG all the same: there is no checksum. It is judged as it
-  decodes, and its false edges can raise a false slip, also in other frames when it is averaged into rest.
-- A finger of another kind whose markers happen to stand as far apart as the sensor file says.
-- Calibrating, a polarity given wrongly: between dark dots there is a grid of bright gaps. Leave `--polarity` out, and the
-  stronger one is found.
-- Calibrating, a single photo in which something touches: a recording's calm frames are chosen, a photo is believed.
-- A frame that was left out or delivered twice in an image folder: pictures carry no number or time of their own.
+- A JPEG damaged inside its image data can still be a valid JPEG: there is no checksum. It is judged as it decodes, and its
+  false edges can cause a false slip, also in other frames when it is averaged into the rest frame.
+- A finger of another kind whose markers happen to have the pitch of the sensor file.
+- Calibrating, a wrong `--polarity`: between dark dots there is a grid of bright gaps. Without `--polarity` the stronger grid
+  is found.
+- Calibrating, a single photo in which something touches: of a recording the calm frames are chosen, a photo is assumed to be
+  untouched.
+- A frame that is missing or duplicated in an image folder: images carry no number or time of their own.
 
-## What was tried at random
+## Random input
 
-`SLIPBOUND_NOISE_CASES=3000000 cargo test --locked -p slipbound-rig --test hostile_bytes`: 3,000,000 pictures, 300,000 files of settings and
-100,000 fingers at rest (`slipbound tare`) with changed bytes, in 212 s on a busy machine, 76 s of a core: each an answer or an error, none a panic.
+`SLIPBOUND_NOISE_CASES=3000000 cargo test --locked -p slipbound-rig --test hostile_bytes`: 3,000,000 images, 300,000 settings files and
+100,000 rest files (`slipbound tare`) with changed bytes, in 212 s on a busy machine, 76 s of a core: each gave an answer or an error,
+none a panic.
 """
 
 

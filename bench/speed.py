@@ -23,8 +23,8 @@ TURNS, CALLS_A_TURN = 40, 5
 
 # Why the lines have steps.
 STEPS = [
-    "The steps of smooth are real: contact and evidence are judged in cells of 4, 8 or 16 px, the largest of at most 0.17 pitch, and up to 0.36 where there",
-    "would be more than 10,000: from one size to the next there are four times as many.",
+    "The jumps of smooth are real: contact and evidence are computed in cells of 4, 8 or 16 px, the largest of at most 0.17 pitch (up to 0.36 where there",
+    "would be more than 10,000 cells); from one cell size to the next their number changes fourfold.",
 ]
 
 
@@ -172,7 +172,7 @@ def plots(growth):
 
 
 def growth_lines(growth):
-    lines = ["| finger | ms a Mpx | us a marker | furthest off the lines, of the largest |", "|---|---|---|---|"]
+    lines = ["| finger | ms a Mpx | us a marker | largest residual, of the largest median |", "|---|---|---|---|"]
     for finger, both in growth.items():
         (pixel, _, off), (marker, _, off_markers) = straightness(both["pixels"], "pixels_count"), straightness(both["markers"], "markers_count")
         lines.append(f"| {finger} | {1e3 * pixel:.2f} | {marker:.2f} | {100 * off:.0f} %, {100 * off_markers:.0f} % |")
@@ -204,19 +204,19 @@ def page(result, rows, growth, fingers, memory, frames_count):
         "# Speed of a frame",
         "",
         f"`bench/speed.sh --frames {frames_count}`, one run. {os.cpu_count()} cores of {model}, {platform.system()}; load before: "
-        f"{LOAD_BEFORE:.1f}, after: {load:.1f}. 640x480 colour in memory, 391 markers, in contact, grip known, one core; {frames_count} frames",
-        "a finger, 90 Hz. A copy is one memcpy of the frame, of the same twelve frames in turn that the monitor sees.",
+        f"{LOAD_BEFORE:.1f}, after: {load:.1f}. 640x480 colour in memory, 391 markers, in contact, grip force known, one core; {frames_count} frames",
+        "per finger, 90 Hz. A copy is one memcpy of a frame, over the same twelve frames in turn that the monitor gets.",
         "",
-        "Not done in every frame, and averaged in: the contact region is found and the imprint is looked at in every third frame, and, as none is missing, markers are searched in the whole picture in every fifth",
-        "(`contact.period_ms`, `markers.search_period_ms`, `evidence.period_ms`: 25 ms; cameras of up to 40 Hz get everything in every frame). The median is that of the mean of 30",
-        "frames in a row; the 99.9th percentile is of single frames, and holds what the machine does meanwhile. Dearest: of the 60 places of frame and steps in a turn the one that",
-        "takes longest, by its median: what the steps themselves add. Copies' tail: the 99.9th percentile over the median of as many copies in a row as take as long as a step, in",
-        "turn with the steps: what the machine adds to work of that length. At 30 Hz: the median of a camera of which every frame gets everything.",
+        "Averaged in, because not done in every frame: the contact region and the evidence of the imprint run in every third frame, and, as no marker is missing, the full marker search in every fifth",
+        "(`contact.period_ms`, `markers.search_period_ms`, `evidence.period_ms`: 25 ms; cameras of up to 40 Hz get everything in every frame). Median: of the means of 30",
+        "consecutive frames. 99.9th percentile: of single frames; it includes interruptions by the machine. Slowest: the largest of the medians of the 60 positions of frame and steps in a turn,",
+        "which is what the steps themselves add. Copies' tail: 99.9th percentile over median of as many consecutive copies as take as long as a step, in",
+        "alternation with the steps; it is what the machine adds to work of that length. At 30 Hz: the median of a camera for which every frame gets everything.",
         "",
-        f"Copies and OpenCV: OpenCV's fixed list of calls (`bench/opencv_baseline.py`, which leaves matching, evidence and estimates out), the peers, 300 frames of each finger and 60 copies, {TURNS} times in turn; the",
+        f"Copies and OpenCV: OpenCV's fixed list of calls (`bench/opencv_baseline.py`, without matching, evidence and estimates), the peers, 300 frames of each finger and 60 copies, {TURNS} times in alternation; the",
         "median of the ratios and, in brackets, their 10th and 90th percentile.",
         "",
-        "| finger | median us | dearest us | over median | 99.9th us | over median | copies' tail | at 30 Hz us | a copy us | copies | OpenCV / ours | instructions a frame | MiB |",
+        "| finger | median us | slowest us | over median | 99.9th us | over median | copies' tail | at 30 Hz us | a copy us | copies | OpenCV / ours | instructions a frame | MiB |",
         "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for finger in FINGERS:
@@ -242,7 +242,7 @@ def page(result, rows, growth, fingers, memory, frames_count):
     lines += ["", "## Growth", "", "![against pixels](speed-pixels.svg) ![against markers](speed-markers.svg)", ""]
     lines += growth_lines(growth)
     lines += ["", "Pixels: 320x240 to 1920x1440 with the same 391 markers; markers: 35 to 4,900 on 1280x960.", *STEPS, "", "## Many fingers", ""]
-    lines += [f"Monitors at 90 Hz on {fingers['cores_count']} cores, smooth gel; late: judged after the next frame was due. Over 100 %: it took longer than the recording lasts.", ""]
+    lines += [f"Monitors at 90 Hz on {fingers['cores_count']} cores, smooth gel; late: processed after the next frame was due. Over 100 %: it took longer than the recording lasts.", ""]
     lines += ["| monitors | late | of | cores in use |", "|---|---|---|---|"]
     lines += [f"| {r['monitors_count']} | {r['late_count']} | {r['judged_count']} | {100 * r['cores_in_use_fraction']:.0f} % |" for r in fingers["rows"]]
     return "\n".join(lines) + "\n"

@@ -1,4 +1,4 @@
-//! Lists the sensor files of the repository, so that adding a finger is adding a file.
+//! Lists the sensor files of the repository, so that a new finger needs only a new file.
 
 use std::fmt::Write;
 use std::path::Path;

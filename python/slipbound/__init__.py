@@ -9,8 +9,8 @@ Frames in, verdicts out:
 >>> any(report.slips for report in reports)
 True
 
-The same with a camera of your own: :class:`Monitor` takes one numpy array at a time. Lengths in px are in the rectified
-picture of the finger: x along the finger, y across it; rotations are positive from x to y.
+With your own camera: :class:`Monitor` takes one numpy array at a time. Lengths in px are in the rectified image of the
+finger: x along the finger, y across it; rotations are positive from x to y.
 """
 
 from __future__ import annotations
@@ -124,19 +124,19 @@ def watch(
     settings : Settings, str, path or None
         The settings; ``"paper"`` is the paper as written.
     finger : str
-        What the finger is called in the reports.
+        The name of the finger in the reports.
 
     Returns
     -------
     Watch
-        An iterator of :class:`Report`; ``image()`` is the frame of the newest one, ``to_pandas()`` all that is to come.
+        An iterator of :class:`Report`; ``image()`` is the frame of the newest one, ``to_pandas()`` all remaining ones.
 
     Raises
     ------
     SourceError
         When the source cannot be read.
     SettingError
-        When no sensor fits, or a setting cannot be.
+        When no sensor fits, or a setting is invalid.
 
     Examples
     --------
@@ -162,26 +162,26 @@ def calibrate(
     description: str = "Calibrated in Python.",
     order: Literal["BGR", "RGB"] = "BGR",
 ) -> Sensor:
-    """Make the sensor of an unknown finger from pictures of it at rest.
+    """Make the sensor of an unknown finger from images of it at rest.
 
     Parameters
     ----------
     image : array or sequence of arrays
-        One picture or several, uint8, H x W x 3 or H x W; also one array of several, N x H x W x 3 or N x H x W.
+        One image or several, uint8, H x W x 3 or H x W; also one array of several, N x H x W x 3 or N x H x W.
     name : str
-        What this kind of finger is called.
+        The name of this kind of finger.
     skin : {"smooth", "fabric"}
-        What covers the gel; an untouched finger cannot tell.
+        The cover of the gel; images of an untouched finger do not show it.
     flip : {"none", "vertical", "horizontal", "both"}
-        The mirror image that the camera delivers; a grid of markers cannot tell.
+        The mirroring of the camera image; a grid of markers does not show it.
     polarity : {"dark", "bright"} or None
-        Whether markers are dark or bright; None finds out.
+        Whether markers are dark or bright; None detects it.
     pitch_mm : float or None
         Distance between neighbouring markers on the gel; without it nothing is reported in mm.
     serial : str or None
         Serial number of this one finger.
     description : str
-        What is behind the numbers.
+        The origin of the numbers.
     order : {"BGR", "RGB"}
         Order of the channels.
 
@@ -193,7 +193,7 @@ def calibrate(
     Raises
     ------
     CalibrationError
-        When the pictures show no grid of markers; the text says what was seen.
+        When the images show no grid of markers; the text says what they show.
 
     Examples
     --------

@@ -9,8 +9,8 @@ from . import _slipbound as _native
 
 
 def main() -> None:
-    """Do what the arguments ask and end with the program's exit code."""
-    # Python would only note Ctrl-C and go on; the commands that must end in order listen by themselves.
+    """Run the command of the arguments and exit with the program's exit code."""
+    # Python would only note Ctrl-C and go on; commands that must end in order handle it themselves.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     sys.stdout.flush()
     sys.exit(_native.run(["slipbound", *sys.argv[1:]]))

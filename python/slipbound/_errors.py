@@ -1,19 +1,19 @@
-"""What can go wrong, as exceptions. All are :class:`Error`; most are also the built-in exception that fits."""
+"""All exceptions. Each is an :class:`Error`; most are also the built-in exception that fits."""
 
 from __future__ import annotations
 
 
 class Error(Exception):
-    """Anything that slipbound raises by itself."""
+    """Base of everything that slipbound raises by itself."""
 
 
 class SettingError(Error, ValueError):
-    """A setting, a sensor file or an argument that cannot be: the text names the key, what was expected and what was got.
+    """An invalid setting, sensor file or argument: the text names the key, what was expected and what was got.
 
     Attributes
     ----------
     errno, filename : int or None, str or None
-        Of a file that cannot be read: as an :class:`OSError` has them; else None.
+        For a file that cannot be read: as in an :class:`OSError`; else None.
     """
 
     errno: int | None = None
@@ -21,15 +21,15 @@ class SettingError(Error, ValueError):
 
 
 class FrameError(Error, ValueError):
-    """An array that is no picture: of another type of numbers, another shape, or empty."""
+    """An array that is not an image: of another number type, another shape, or empty."""
 
 
 class RestError(Error, ValueError):
-    """The frames given make no rest frame: none is stationary and bright, or too few markers show."""
+    """The given frames yield no rest frame: none is stationary and bright, or too few markers show."""
 
 
 class CalibrationError(Error, ValueError):
-    """Pictures from which no sensor can be made; the text says why."""
+    """Images from which no sensor can be made; the text says why."""
 
 
 class SourceError(Error, OSError):
@@ -38,15 +38,15 @@ class SourceError(Error, OSError):
     Attributes
     ----------
     kind : str
-        What a caller can act on: ``settings``, ``unreadable``, ``format``, ``disconnected``, ``unsupported``, ``other``.
+        For callers to act on: ``settings``, ``unreadable``, ``format``, ``disconnected``, ``unsupported``, ``other``.
     errno, filename : int or None, str or None
-        Where a file is behind it; ``errno`` is None when its content is what failed.
+        Where a file failed; ``errno`` is None when its content failed.
     """
 
     kind: str = "other"
 
     def __str__(self) -> str:
-        # OSError would put number and file before a text that has them already.
+        # OSError would put number and file before a text that contains them already.
         return str(self.args[0]) if self.args else ""
 
 
@@ -59,7 +59,7 @@ class BusyError(Error, RuntimeError):
 
 
 class GripperError(Error, RuntimeError):
-    """A failure that a gripper reports; raised by a :class:`slipbound.control.Gripper`, the loop waits for it to go.
+    """A failure that a gripper reports; if a :class:`slipbound.control.Gripper` raises it, the loop waits for it to end.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class GripperError(Error, RuntimeError):
 
 
 class WristError(Error, RuntimeError):
-    """A failure that a wrist reports; raised by a :class:`slipbound.control.Wrist`, the loop waits for it to go.
+    """A failure that a wrist reports; if a :class:`slipbound.control.Wrist` raises it, the loop waits for it to end.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ def _put(row: dict[str, Value], key: str, value: Any, template: Any) -> None:
 
 
 def flat(line: dict[str, Any]) -> dict[str, Value]:
-    """Flatten a report's dict: every column is there for every report, None where it is not known."""
+    """Flatten a report's dict: every report has every column, None where it is unknown."""
     row: dict[str, Value] = {}
     _put(row, "", line, _template())
     return row
@@ -55,13 +55,13 @@ def rows(reports: Iterable[Report]) -> list[dict[str, Value]]:
     -------
     list of dict
         Keys are those of the JSON report joined by ``_``: ``contact_area_px2``, ``margin_value``,
-        ``motion_translation_px_x``; what is not known is None.
+        ``motion_translation_px_x``; an unknown value is None.
     """
     return [flat(report.to_dict()) for report in reports]
 
 
 def to_pandas(reports: Iterable[Report]) -> pandas.DataFrame:
-    """Put reports into a table, one row a report; see :func:`rows`. Needs pandas."""
+    """Put reports into a table, one row per report; see :func:`rows`. Needs pandas."""
     import pandas
 
     return pandas.DataFrame(rows(reports), columns=list(flat(_template())))

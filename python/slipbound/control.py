@@ -1,9 +1,9 @@
-"""The control loop around sources, a gripper and a wrist of your own.
+"""The control loop around your own sources, gripper and wrist.
 
-Subclass :class:`FrameSource`, :class:`Gripper` and :class:`Wrist`; the loop, the tasks and the controllers are those of the
-command line. Whatever one of your methods raises, the wrist is paused, the gripper keeps its force, and the exception
-comes out of :meth:`ControlLoop.cycle`. A :class:`slipbound.GripperError` or :class:`slipbound.WristError` is a fault that
-the loop waits for: the wrist stands meanwhile, and after ten seconds the loop is left.
+Subclass :class:`FrameSource`, :class:`Gripper` and :class:`Wrist`; the loop, the tasks and the controllers are those of
+the command line. If one of your methods raises, the wrist is paused, the gripper keeps its force, and
+:meth:`ControlLoop.cycle` raises the exception. On a :class:`slipbound.GripperError` or :class:`slipbound.WristError`
+the loop waits for the fault to end: the wrist stands meanwhile, and after ten seconds the loop is left.
 
 Newtons are normal force per finger. None of the methods may block for longer than a frame lasts.
 """
@@ -43,23 +43,23 @@ __all__ = [
 
 #: What :meth:`FrameSource.next` returns when no frame came in time; more may come.
 SILENT = NoFrame.SILENT
-#: What it returns when a frame came that cannot be decoded completely.
+#: What it returns when a frame came but cannot be decoded completely.
 TORN = NoFrame.TORN
 
-#: Whoever looks on: called after every cycle.
+#: An observer: called after every cycle.
 Observer = Callable[[Cycle], object]
 Task = Literal["screw", "unscrew", "place", "lift"]
 
 
 class FrameSource(ABC):
-    """Where the frames of a finger come from."""
+    """The source of a finger's frames."""
 
     @abstractmethod
     def next(self) -> NDArray[np.uint8] | tuple[NDArray[np.uint8], int] | NoFrame | None:
         """Return the next frame, with its time of exposure in ns where that is known.
 
         :data:`SILENT` when none came in time and :data:`TORN` when it cannot be decoded: the loop goes on, blind for this
-        finger in this cycle. None when there is no more: the loop ends with ``source_ended``.
+        finger in this cycle. None at the end of the source: the loop ends with ``source_ended``.
         """
 
 
@@ -68,7 +68,7 @@ class Gripper(ABC):
 
     @abstractmethod
     def command(self, force_n: float | None) -> None:
-        """Hold with this force per finger, N; None opens the jaws. When it raises, the force stays where it was."""
+        """Hold with this force per finger, N; None opens the jaws. If this raises, the force is unchanged."""
 
     @abstractmethod
     def poll(self) -> GripperState:
@@ -80,7 +80,7 @@ class Wrist(ABC):
 
     @abstractmethod
     def command(self, command: WristCommand) -> None:
-        """Take over a motion; it ends by itself after ``command.time_to_live_ns`` unless a new one has come."""
+        """Accept a motion; it ends by itself after ``command.time_to_live_ns`` unless a new one has come."""
 
     @abstractmethod
     def poll(self) -> WristState:
@@ -88,14 +88,14 @@ class Wrist(ABC):
 
 
 class Controller(ABC):
-    """Decides how hard to hold. A guard keeps its force in the limits and keeps the grip when nothing is seen.
+    """Decides the grip force. A guard keeps the force within the limits and keeps the grip when the fingers are blind.
 
     Attributes
     ----------
     alarms_count : int
-        How often it answered slip.
+        How often it responded to slip.
     wants_more : bool
-        Whether it has been shown slip at its largest force.
+        Whether slip occurred at its largest force.
     """
 
     alarms_count: int = 0
@@ -103,16 +103,16 @@ class Controller(ABC):
 
     @abstractmethod
     def decide(self, now_ns: int, hand: dict[str, Any], gripper: GripperState) -> float | tuple[float, bool]:
-        """Return the force per finger in N, and False besides where the arm shall wait.
+        """Return the force per finger in N, with False as a second value if the arm must wait.
 
         Parameters
         ----------
         now_ns : int
             Time of the loop; never goes back.
         hand : dict
-            What the fingers say together: ``hand["state"]``, ``hand["slip"]``, ...
+            The report of all fingers together: ``hand["state"]``, ``hand["slip"]``, ...
         gripper : GripperState
-            What the gripper says.
+            The state of the gripper.
         """
 
 
@@ -123,17 +123,17 @@ class Finger:
     Attributes
     ----------
     source : FrameSource
-        Where its frames come from; without ``rest`` its first frames must show it untouched.
+        The source of its frames; without ``rest`` its first frames must show it untouched.
     sensor : Sensor, str or path
         Its facts.
     side : {"left", "right"}
-        On which side of the object it is.
+        Its side of the object.
     settings : Settings, str, path or None
         Settings of its monitor.
     name : str or None
-        What it is called in reports and messages; None is ``finger0``, ``finger1``, ... in their order.
+        Its name in reports and messages; None is ``finger0``, ``finger1``, ... in their order.
     rest : "auto", array, sequence of arrays, path or bytes
-        The finger at rest, as :class:`slipbound.Monitor` takes it. ``"auto"`` finds it among the first frames.
+        The rest frame, as :class:`slipbound.Monitor` takes it. ``"auto"`` finds it among the first frames.
     turn_rad : float
         Angle by which its image is rotated against the finger frame, from x to y.
     refuses_touch : bool
@@ -162,9 +162,9 @@ class ControlLoop:
     wrist : Wrist
         The wrist.
     task : {"lift", "screw", "unscrew", "place"}
-        What is to be done.
+        The task.
     controller : {"on_slip", "margin", "paper", "constant"} or Controller
-        What decides how hard to hold.
+        The controller of the grip force.
     settings : TaskSettings, str, path or None
         Settings of the task: an object, the text of a file, or its path. A ``str`` with a ``=`` or a line break is text.
     observer : callable or None
@@ -192,7 +192,7 @@ class ControlLoop:
         self._observer = observer
 
     def cycle(self, now_ns: int) -> Cycle:
-        """Take every finger's next frame, ask gripper and wrist, and command them.
+        """Take every finger's next frame, poll gripper and wrist, and command them.
 
         Parameters
         ----------

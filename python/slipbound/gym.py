@@ -23,16 +23,16 @@ from .lab import Hand
 
 __all__ = ["HoldBottle", "ScrewCap", "register"]
 
-#: Least and largest force per finger that can be asked for, N.
+#: Least and largest force per finger that can be commanded, N.
 FORCES_N = (5.0, 60.0)
-#: Names of the numbers in an observation; what is not known is 0, and ``_known`` is 0 with it.
+#: Names of the numbers in an observation; an unknown value is 0, and ``_known`` is 0 then.
 NUMBERS = ("grip_n", "margin", "margin_known", "shear_x_px", "shear_y_px", "shear_rad", "slips")
 
 Observation = dict[str, NDArray[Any]]
 
 
 class _Told(Controller):
-    """Holds with the force that the environment was told."""
+    """Holds with the force set by the environment."""
 
     force_n = 10.0
 
@@ -44,10 +44,10 @@ class _Told(Controller):
 class _GripEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """The grip force is the action, one number in N per finger and cycle (1/30 s); the task moves the wrist.
 
-    An observation is the left finger's picture (uint8, H x W x 3, RGB) and :data:`NUMBERS`. The reward of a cycle is minus
-    the part of the largest force that was commanded, minus a tenth of a point for every mm that the object slid; 100 when
-    the task ends well, minus 100 when it does not. While the jaws close, the task commands a force of its own and the action
-    is not asked for; once it releases, none is commanded.
+    An observation is the left finger's image (uint8, H x W x 3, RGB) and :data:`NUMBERS`. The reward of a cycle is
+    minus the commanded fraction of the largest force, minus a tenth of a point for every mm that the object slid; 100
+    when the task ends well, minus 100 when it does not. While the jaws close, the task commands its own force and the
+    action is ignored; once it releases, none is commanded.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 30}
@@ -73,7 +73,7 @@ class _GripEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin anew; the hand is taken on until its fingers know themselves at rest."""
+        """Begin a new episode; the hand runs until the rest frames of its fingers are known."""
         super().reset(seed=seed)
         drawn = int(self.np_random.integers(1 << 31))
         self._told.force_n = 10.0
@@ -87,7 +87,7 @@ class _GripEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Hold with the force asked for, for 1/30 s."""
+        """Hold with the force of the action for 1/30 s."""
         force_n = np.asarray(action, dtype=np.float64)
         if force_n.size != 1 or not np.isfinite(force_n).all():
             raise SettingError(f"action: expected one finite force in N, got {action!r:.100}")
@@ -99,7 +99,7 @@ class _GripEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         slid_mm = truth["slid_mm"] - self._slid_mm
         self._slid_mm = truth["slid_mm"]
         ended, over = self._cycle.has_ended, self._cycle.outcome == "source_ended"
-        # What was commanded: while the jaws close the action is not asked for.
+        # The commanded force: while the jaws close the action is ignored.
         reward = -(self._cycle.force_n or 0.0) / FORCES_N[1] - 0.1 * slid_mm
         if ended or over:
             reward += 100.0 if self._hand.score["succeeded"] else -100.0
@@ -110,7 +110,7 @@ class _GripEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return Hand(self.task, controller=self._told, **parameters)
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return what the left finger sees, RGB."""
+        """Return the image of the left finger, RGB."""
         return None if self.render_mode is None else self._observation()["image"]
 
     def _observation(self) -> Observation:
@@ -132,7 +132,7 @@ class _GripEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
 
 class HoldBottle(_GripEnv):
-    """Lift a bottle that is filled and pulled at, and hold it."""
+    """Lift a bottle that is filled and pulled, and hold it."""
 
     task = "lift"
 

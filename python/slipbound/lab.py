@@ -1,4 +1,4 @@
-"""Simulated fingers and hands with exact truth of what sticks and what slips.
+"""Simulated fingers and hands with exact ground truth of stick and slip.
 
 >>> import slipbound
 >>> simulation = slipbound.lab.simulate("ramp", seed=3, object="scissors", ramp_s=0.4, grid="fast")
@@ -42,7 +42,7 @@ def simulate(scene: str, *, seed: int | None = None, **parameters: Parameter) ->
     scene : str
         The name of a scene, or ``SCENE?key=value&key=value``; ``python -m slipbound scenes`` lists them.
     seed : int or None
-        What the noise of the camera is drawn from; the same seed gives the same bytes.
+        Seed of the camera noise; the same seed gives the same bytes.
     **parameters
         Keys of the scene: ``object="scissors"``, ``force_n=15``.
 
@@ -67,7 +67,7 @@ class Hand:
     scene : str
         ``lift``, ``screw``, ``unscrew`` or ``place``, or ``TASK?key=value&key=value``.
     controller : {"on_slip", "margin", "paper", "constant"} or slipbound.control.Controller
-        What decides how hard to hold.
+        The controller of the grip force.
     settings : TaskSettings, str, path or None
         Settings of the task, as :class:`slipbound.control.ControlLoop` takes them.
     monitor : Settings, str, path or None
@@ -95,7 +95,7 @@ class Hand:
         self._run = _HandRun(scene, _words(parameters), controller, settings, monitor)
 
     def cycle(self, observer: Observer | None = None) -> Cycle:
-        """Run one cycle; what a controller or an observer raises comes out, with the wrist paused and the grip kept."""
+        """Run one cycle; exceptions of controller or observer are raised, with the wrist paused and the grip kept."""
         return self._run.cycle(observer)
 
     def run(self, observer: Observer | None = None, *, cycles_after_end: int = 15) -> Cycle:
@@ -113,12 +113,12 @@ class Hand:
 
     @property
     def truth(self) -> dict[str, Any]:
-        """What is true now; units are in the names."""
+        """The present ground truth; units are in the names."""
         return self._run.truth
 
     @property
     def score(self) -> dict[str, Any]:
-        """What adds up over the cycles so far: ``succeeded``, ``most_n``, ``slid_mm``, ..."""
+        """The score over the cycles so far: ``succeeded``, ``most_n``, ``slid_mm``, ..."""
         return self._run.score
 
     @property
@@ -137,12 +137,12 @@ class Hand:
 
 
 class Detector(ABC):
-    """A slip detector of your own, told what every rival in ``slipbound eval`` is told.
+    """Your own slip detector, with the same inputs as every rival in ``slipbound eval``.
 
     Attributes
     ----------
     name : str
-        What it is called in the tables; none of the names that ``slipbound eval`` knows.
+        Its name in the tables; not a name that ``slipbound eval`` uses.
     threshold : float
         The score above which it raises the alarm.
     """
@@ -155,18 +155,18 @@ class Detector(ABC):
 
     @abstractmethod
     def see(self, report: Report, image: NDArray[np.uint8]) -> float:
-        """Return the score of a frame: the larger, the more it speaks for slip.
+        """Return the score of a frame: larger means stronger evidence of slip.
 
         Parameters
         ----------
         report : Report
-            What a monitor found that is told no grip force; ``report.field`` has the markers.
+            The report of a monitor that gets no grip force; ``report.field`` has the markers.
         image : array
             The frame, uint8, H x W x 3, BGR.
         """
 
     def restart(self) -> None:
-        """Count from the frame seen last: the object is held, the load begins. Does nothing unless overridden."""
+        """Take the last frame as the reference: the object is held, the load begins. Does nothing unless overridden."""
 
 
 def judge_ramps(
@@ -181,7 +181,7 @@ def judge_ramps(
     trials : int
         How many trials, the first of the protocol's.
     seed : int
-        What they are drawn from.
+        Seed of the trials.
     beside : sequence of str
         Detectors of ``slipbound eval`` that see the same frames.
 

@@ -1,8 +1,8 @@
 """Reports in the Rerun viewer. Needs rerun-sdk: ``pip install slipbound[rerun]``.
 
-Under the name of a finger there are ``image`` (what its camera saw, rectified or not as it was given), ``markers`` and
-``slip`` (arrows in px of the rectified picture), the scalars ``margin``, ``stick_ratio``, ``contact_area_px2``, ``grip_n``
-and ``slipping_markers``, and ``state``, a text line at every change of the verdict.
+Under the name of a finger there are ``image`` (its camera image as given, rectified or not), ``markers`` and
+``slip`` (arrows in px of the rectified image), the scalars ``margin``, ``stick_ratio``, ``contact_area_px2``,
+``grip_n`` and ``slipping_markers``, and ``state``, a text line at every change of the verdict.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ._slipbound import Report
 
 __all__ = ["blueprint", "log"]
 
-#: The verdict that was logged last, by the recording and the name of the finger.
+#: The last logged verdict, by recording and name of the finger.
 _last_state: dict[tuple[str | None, str], str] = {}
 _LEVELS = {"incipient": rr.TextLogLevel.WARN, "gross": rr.TextLogLevel.ERROR, "unjudged": rr.TextLogLevel.WARN}
 
@@ -29,18 +29,18 @@ def log(
     order: Literal["BGR", "RGB"] = "BGR",
     recording: Any = None,
 ) -> None:
-    """Log a report, and the frame that it is of.
+    """Log a report and its frame.
 
     Parameters
     ----------
     report : Report
-        What :meth:`slipbound.Monitor.step` or :func:`slipbound.watch` said.
+        The report of :meth:`slipbound.Monitor.step` or :func:`slipbound.watch`.
     image : array or None
         The frame.
     order : {"BGR", "RGB"}
         Order of its channels.
     recording : rerun.RecordingStream or None
-        Where to; None is the one that is active.
+        The target; None is the active one.
     """
     name = report.finger
     rr.set_time("frame", sequence=report.seq, recording=recording)
@@ -75,7 +75,7 @@ def log(
 
 
 def blueprint(finger: str = "finger") -> Any:
-    """Return a layout: the picture with its arrows, the numbers below, the verdicts beside them."""
+    """Return a layout: the image with its arrows, the numbers below, the verdicts beside them."""
     import rerun.blueprint as rrb
 
     return rrb.Blueprint(

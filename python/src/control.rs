@@ -23,8 +23,8 @@ use std::sync::Mutex;
 
 pyo3::import_exception!(slipbound._errors, ControlError);
 
-/// A task with a controller of the settings, or one written in Python, which is told to `held`. Every finger must tell what the task
-/// goes by; the gel is that of the first.
+/// A task with a controller of the settings, or with one written in Python, which is added to `held`. Every finger must
+/// provide what the task needs; the gel is that of the first.
 fn task_of(
     kind: TaskKind,
     controller: &Bound<'_, PyAny>,
@@ -72,7 +72,7 @@ impl PyTaskSettings {
         guarded(|| config::parse_task_settings(text, "settings").map(PyTaskSettings).map_err(config_error))
     }
 
-    /// All settings by the names of the file.
+    /// All settings, with the names of the file as keys.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         data(py, &self.0)
     }
@@ -86,8 +86,8 @@ impl PyTaskSettings {
     }
 }
 
-/// What stands for task settings in an argument: None, settings, the text of a file, or the file. Text has a `=` or more than
-/// a line; a path that has, too, is given as `pathlib.Path`.
+/// Task settings from an argument: None, settings, the text of a file, or the file. Text contains a `=` or more than
+/// one line; a path that does, too, is given as `pathlib.Path`.
 fn task_settings(argument: Option<&Bound<'_, PyAny>>) -> PyResult<TaskSettings> {
     let Some(argument) = argument else { return Ok(TaskSettings::default()) };
     if let Ok(settings) = argument.cast::<PyTaskSettings>() {
@@ -99,7 +99,7 @@ fn task_settings(argument: Option<&Bound<'_, PyAny>>) -> PyResult<TaskSettings> 
     }
 }
 
-/// A cycle that has been made, or why the loop was left.
+/// A cycle that has been made, or the reason why the loop was left.
 fn finished<E: std::fmt::Display>(
     raised: &Raised,
     outcome: Result<CycleOutcome, E>,
@@ -116,7 +116,7 @@ fn finished<E: std::fmt::Display>(
 #[pyclass(frozen, module = "slipbound.control")]
 pub struct Loop {
     raised: Raised,
-    /// What the sources and the controller of `control` call.
+    /// Objects that the sources and the controller of `control` call.
     held: Vec<Held>,
     control: Mutex<Running>,
 }
@@ -258,7 +258,7 @@ pub struct HandRun {
     scene: HandScene,
     task: TaskKind,
     raised: Raised,
-    /// What the controller of `run` calls.
+    /// The object that the controller of `run` calls.
     held: Vec<Held>,
     run: Mutex<LockStep>,
 }
@@ -319,13 +319,13 @@ impl HandRun {
         })
     }
 
-    /// What is true now, as a dict; units are in the names.
+    /// The present ground truth, as a dict; units are in the names.
     #[getter]
     fn truth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         data(py, &exclusive(&self.run, "hand")?.hand().truth())
     }
 
-    /// What adds up over the cycles so far.
+    /// The score over the cycles so far.
     #[getter]
     fn score<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let run = exclusive(&self.run, "hand")?;

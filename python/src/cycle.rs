@@ -1,4 +1,4 @@
-//! What an observer is shown after a cycle of the control loop.
+//! What an observer receives after a cycle of the control loop.
 
 use crate::errors::{data, word};
 use crate::field::Kept;
@@ -27,7 +27,7 @@ struct Inner {
     fault: Option<String>,
 }
 
-/// A cycle of the control loop: what was seen and commanded.
+/// A cycle of the control loop: what was measured and commanded.
 #[pyclass(frozen, module = "slipbound.control")]
 #[derive(Clone)]
 pub struct Cycle(Arc<Inner>);
@@ -67,8 +67,8 @@ impl Cycle {
         self.0.now_ns
     }
 
-    /// `at_rest` while the fingers are looked at unloaded, `waiting` for gripper or wrist, `commanded`, `source_ended`,
-    /// or `left` after an error.
+    /// `at_rest` while the rest frames of the fingers are determined, `waiting` for gripper or wrist, `commanded`,
+    /// `source_ended`, or `left` after an error.
     #[getter]
     fn outcome(&self) -> &str {
         self.0.outcome
@@ -80,7 +80,7 @@ impl Cycle {
         self.0.has_ended
     }
 
-    /// The force per finger that the gripper was told, N; None for a release, and where nothing was commanded.
+    /// The force per finger that was commanded, N; None for a release, and where nothing was commanded.
     #[getter]
     fn force_n(&self) -> Option<f64> {
         self.0.record.as_ref().and_then(|record| record.grip_command.force_n())
@@ -92,13 +92,13 @@ impl Cycle {
         self.0.record.as_ref().map_or(0, |record| record.slips_count)
     }
 
-    /// The verdict of the hand; None where nothing was commanded.
+    /// The report of the hand; None where nothing was commanded.
     #[getter]
     fn state(&self) -> PyResult<Option<String>> {
         self.0.record.as_ref().map(|record| word(&record.hand.state)).transpose()
     }
 
-    /// The fault of gripper or wrist that lasts.
+    /// The present fault of gripper or wrist.
     #[getter]
     fn fault(&self) -> Option<&str> {
         self.0.fault.as_deref()
@@ -127,7 +127,7 @@ impl Cycle {
         (size.area() > 0).then(|| array(py, pixels.clone(), *size, *format, order)).transpose()
     }
 
-    /// The record of the cycle as a line of `reports.jsonl` has it; None where nothing was commanded.
+    /// The record of the cycle, as a line of `reports.jsonl`; None where nothing was commanded.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         self.0.record.as_ref().map(|record| data(py, record)).transpose()
     }

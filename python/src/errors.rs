@@ -23,7 +23,7 @@ pyo3::import_exception!(slipbound._errors, InternalError);
 pyo3::import_exception!(slipbound._errors, GripperError);
 pyo3::import_exception!(slipbound._errors, WristError);
 
-/// Runs what could panic; a panic becomes an exception of its own.
+/// Runs work that could panic; a panic becomes an exception of its own.
 pub fn guarded<R>(work: impl FnOnce() -> PyResult<R>) -> PyResult<R> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(internal(text_of(&*panic))))
 }
@@ -33,12 +33,12 @@ fn text_of(panic: &(dyn Any + Send)) -> &str {
     text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("no message")
 }
 
-/// A fault of ours.
+/// A fault inside slipbound.
 pub fn internal(what: impl Display) -> PyErr {
     InternalError::new_err(format!("a fault inside slipbound, please report it: {what}"))
 }
 
-/// The lock of what one thread uses at a time.
+/// Locks what one thread uses at a time.
 pub fn exclusive<'a, T>(mutex: &'a Mutex<T>, what: &str) -> PyResult<MutexGuard<'a, T>> {
     match mutex.try_lock() {
         Ok(guard) => Ok(guard),
@@ -53,7 +53,7 @@ pub fn setting(error: BadSetting) -> PyErr {
     SettingError::new_err(error.to_string())
 }
 
-/// Of a file that cannot be read, with `errno` and `filename` as an `OSError` has them.
+/// The exception for a file that cannot be read, with `errno` and `filename` like an `OSError`.
 pub fn config(error: config::Error) -> PyErr {
     let exception = SettingError::new_err(error.to_string());
     if let config::Error::Read { path, source } = &error {
@@ -62,7 +62,7 @@ pub fn config(error: config::Error) -> PyErr {
     exception
 }
 
-/// Sets `errno` and `filename`. An exception that takes no attribute says what went wrong all the same.
+/// Sets `errno` and `filename`. An exception that takes no attribute keeps its text all the same.
 fn of_file(py: Python<'_>, exception: &PyErr, errno: Option<i32>, file: &str) {
     let _ = exception.value(py).setattr("errno", errno);
     let _ = exception.value(py).setattr("filename", file);
@@ -88,22 +88,22 @@ fn errno_of(error: &(dyn Error + 'static)) -> Option<i32> {
     None
 }
 
-/// With its kind as an attribute, and `errno` and `filename` where it is a file's.
+/// The exception with its kind as an attribute, and `errno` and `filename` where a file failed.
 pub fn source(py: Python<'_>, error: SourceFailure) -> PyErr {
     let exception = SourceError::new_err(error.to_string());
     if let Ok(kind) = word(&error.kind) {
-        // An exception that takes no attribute says what went wrong all the same.
+        // An exception that takes no attribute keeps its text all the same.
         let _ = exception.value(py).setattr("kind", kind);
     }
     if let Some(file) = &error.file {
-        // What is looked for before it is opened has no failure of the operating system behind it.
+        // A file that is checked before it is opened has no error of the operating system.
         let missing = || std::fs::metadata(file).err().and_then(|e| e.raw_os_error());
         of_file(py, &exception, errno_of(&error).or_else(missing), file);
     }
     exception
 }
 
-/// A variant as it is written in JSON: `no_contact`, say.
+/// A variant as written in JSON, such as `no_contact`.
 pub fn word(value: &impl serde::Serialize) -> PyResult<String> {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(word)) => Ok(word),
@@ -112,7 +112,7 @@ pub fn word(value: &impl serde::Serialize) -> PyResult<String> {
     }
 }
 
-/// Plain data as the dict that its JSON is.
+/// Plain data as the dict of its JSON.
 pub fn data<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
     let text = serde_json::to_string(value).map_err(internal)?;
     py.import("json")?.call_method1("loads", (text,))

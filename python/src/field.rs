@@ -1,4 +1,4 @@
-//! Every marker after a frame as arrays, and what is kept of a frame so that it can be drawn later.
+//! Every marker after a frame as arrays, and the data of a frame that are kept to draw it later.
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods as _};
 use pyo3::prelude::*;
@@ -14,19 +14,19 @@ use std::sync::Arc;
 pub struct Kept {
     pub sensor: Arc<Sensor>,
     pub markers: Vec<Marker>,
-    /// Size of the frame, where no monitor has said whether it fits.
+    /// Size of the frame, where no monitor has checked whether it fits.
     pub unjudged_px: Option<SizePx>,
-    /// Contact region and what erodes it to the inner one; None without contact.
+    /// The contact region and the element that erodes it to the inner one; None without contact.
     regions: Option<(Mask, Option<Element>)>,
 }
 
 impl Kept {
-    /// Nothing is known yet, of a frame of this size.
+    /// For a frame of this size of which nothing is known.
     pub fn nothing(sensor: Arc<Sensor>, frame_px: SizePx) -> Self {
         Kept { sensor, markers: Vec::new(), unjudged_px: Some(frame_px), regions: None }
     }
 
-    /// As the monitor has it after a frame; `touched`: whether there is a contact.
+    /// The state of the monitor after a frame; `touched`: whether there is a contact.
     pub fn of(monitor: &SlipMonitor, sensor: Arc<Sensor>, touched: bool) -> Self {
         let regions = touched.then(|| (monitor.contact_region().clone(), monitor.inner_erosion().cloned()));
         Kept { sensor, markers: monitor.markers().to_vec(), unjudged_px: None, regions }
@@ -48,7 +48,7 @@ impl Kept {
 }
 
 /// Every marker of the rest frame as arrays of N rows, row n for marker number n. Points and displacements are N x 2
-/// float64 in px of the rectified picture: x along the finger, y across it; what is true or false is N bool.
+/// float64 in px of the rectified image: x along the finger, y across it; flags are N bool.
 #[pyclass(frozen, module = "slipbound")]
 pub struct Field(pub Arc<Kept>);
 
@@ -65,13 +65,13 @@ impl Field {
 
 #[pymethods]
 impl Field {
-    /// Where each marker was in the rest frame.
+    /// Position of each marker in the rest frame.
     #[getter]
     fn rest_px<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.points(py, |m| m.rest)
     }
 
-    /// Where each marker is now; where it is expected when it was not found.
+    /// Position of each marker in this frame; the expected one when it was not found.
     #[getter]
     fn now_px<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.points(py, |m| m.now)
@@ -90,7 +90,7 @@ impl Field {
     }
 
     /// The slip field: measured minus rigid displacement since the reference frame; 0 outside the contact. The object
-    /// moves over the gel against it.
+    /// moves over the gel in the opposite direction.
     #[getter]
     fn slip_px<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.points(py, |m| m.slip)
@@ -102,19 +102,19 @@ impl Field {
         self.flags(py, |m| m.matched)
     }
 
-    /// Whether it lies whole in view.
+    /// Whether it is completely in view.
     #[getter]
     fn whole<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         self.flags(py, |m| m.whole)
     }
 
-    /// Whether it lies in the contact region.
+    /// Whether it is in the contact region.
     #[getter]
     fn in_contact<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         self.flags(py, |m| m.in_contact)
     }
 
-    /// Whether the rigid motion was fitted to it.
+    /// Whether it was used to fit the rigid motion.
     #[getter]
     fn inner<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         self.flags(py, |m| m.inner)

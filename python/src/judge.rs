@@ -15,7 +15,7 @@ use slipbound_lab::eval::ramps::Ramps;
 use slipbound_lab::eval::{EvalError, Protocol as _, TrialRecord};
 use std::sync::Arc;
 
-/// A Python object with `begin`, `see` and `restart`. After its first exception it is asked no more.
+/// A Python object with `begin`, `see` and `restart`. After its first exception it is not called again.
 struct PythonGuest {
     detector: Py<PyAny>,
     sensor: Option<Arc<Sensor>>,
@@ -59,7 +59,8 @@ impl Guest for PythonGuest {
     }
 }
 
-/// The records of one ramp as dicts; `trial`: the seed of all, and its number. See the package's `lab.judge_ramps`.
+/// The records of one ramp as dicts; `trial`: the seed of the sweep, and the trial's number. See the package's
+/// `lab.judge_ramps`.
 #[pyfunction]
 pub fn judge_ramp<'py>(
     py: Python<'py>,
@@ -87,7 +88,7 @@ pub fn judge_ramp<'py>(
     data(py, &records)
 }
 
-/// The tables of `slipbound eval ramps` from records as `judge_ramp` answers them, as Markdown.
+/// The tables of `slipbound eval ramps` from records of `judge_ramp`, as Markdown.
 #[pyfunction]
 pub fn ramps_tables(py: Python<'_>, records: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     let lines: String = py.import("json")?.call_method1("dumps", (records,))?.extract()?;

@@ -1,4 +1,4 @@
-//! The simulator: frames and their exact truth as arrays.
+//! The simulator: frames and their exact ground truth as arrays.
 
 use crate::errors::{data, exclusive, guarded, setting, source as source_error, word};
 use crate::picture::{array, byte_order};
@@ -12,7 +12,7 @@ use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::{FrameTruth, Gross, World, complete, unpacked};
 use std::sync::{Arc, Mutex};
 
-/// A trial as it runs: an iterator of frames with their truth. Made by `slipbound.lab.simulate`.
+/// A running trial: an iterator of frames with their ground truth. Made by `slipbound.lab.simulate`.
 #[pyclass(frozen, module = "slipbound.lab")]
 pub struct Simulation {
     trial: Trial,
@@ -44,7 +44,7 @@ pub fn simulate(
         let (sensor, grid) = (Arc::new(world.sensor()), world.grid());
         Ok(Simulation { trial, sensor, grid, rest_mm, world: Mutex::new(world) })
     };
-    // A world takes a few tenths of a second to make.
+    // Making a world takes a few tenths of a second.
     py.detach(|| guarded(made))
 }
 
@@ -68,7 +68,7 @@ impl Simulation {
         Ok(next.map(|(frame, truth)| SimulatedFrame { frame, truth: Truth { truth, grid: self.grid } }))
     }
 
-    /// The trial with all its parameters, as `simulate` reads it.
+    /// The trial with all its parameters, as `simulate` accepts it.
     #[getter]
     fn trial(&self) -> String {
         self.trial.to_string()
@@ -115,14 +115,14 @@ pub struct SimulatedFrame {
 
 #[pymethods]
 impl SimulatedFrame {
-    /// The picture as an array, uint8, H x W x 3.
+    /// The image as an array, uint8, H x W x 3.
     #[pyo3(signature = (*, order = "BGR"))]
     fn image<'py>(&self, py: Python<'py>, order: &str) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
         let FrameBuffer { pixels, size, format, .. } = &self.frame;
         array(py, pixels.clone(), *size, *format, byte_order(order)?)
     }
 
-    /// The picture as the simulated camera sends it: the bytes of a JPEG file.
+    /// The image as sent by the simulated camera: the bytes of a JPEG file.
     #[getter]
     fn jpeg(&self) -> &[u8] {
         &self.frame.encoded
@@ -140,7 +140,7 @@ impl SimulatedFrame {
         self.frame.time_ns
     }
 
-    /// What is true of it.
+    /// The ground truth of the frame.
     #[getter]
     fn truth(&self) -> Truth {
         self.truth.clone()
@@ -151,7 +151,7 @@ impl SimulatedFrame {
     }
 }
 
-/// What is exactly true of a simulated frame.
+/// The exact ground truth of a simulated frame.
 #[pyclass(frozen, module = "slipbound.lab")]
 #[derive(Clone)]
 pub struct Truth {
@@ -181,7 +181,7 @@ impl Truth {
         self.truth.stick_ratio
     }
 
-    /// Share of the friction that is used; None without contact, load or motion.
+    /// Share of the available friction that is used; None without contact, load or motion.
     #[getter]
     fn friction_used_fraction(&self) -> Option<f64> {
         self.truth.friction_used_fraction
@@ -199,7 +199,7 @@ impl Truth {
         self.truth.margin
     }
 
-    /// Names of what happened since the frame before: `touch`, `first_slip`, `gross`, ...
+    /// Names of the events since the frame before: `touch`, `first_slip`, `gross`, ...
     #[getter]
     fn events(&self) -> PyResult<Vec<String>> {
         self.truth.events.iter().map(|timed| word(&timed.event)).collect()
@@ -223,13 +223,13 @@ impl Truth {
         self.markers(py, 0)
     }
 
-    /// Position of every marker in the picture as the camera delivers it, N x 2, px.
+    /// Position of every marker in the image as the camera delivers it, N x 2, px.
     #[getter]
     fn marker_px<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.markers(py, 3)
     }
 
-    /// All of it as a line of truth.jsonl has it.
+    /// All of it, as a line of truth.jsonl.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         data(py, &self.truth)
     }

@@ -16,7 +16,7 @@ mod watch;
 
 use pyo3::prelude::*;
 
-/// The command line with these arguments, the first of which is the program's name; its exit code.
+/// Runs the command line with these arguments, the first of which is the program's name; returns its exit code.
 #[pyfunction]
 fn run(py: Python<'_>, arguments: Vec<std::ffi::OsString>) -> PyResult<u8> {
     py.detach(|| errors::guarded(|| Ok(slipbound_cli::run(arguments))))

@@ -21,10 +21,10 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-/// What a monitor is called in messages.
+/// The name of a monitor in messages.
 const WHAT: &str = "monitor";
 
-/// A grip force as the method takes it.
+/// A grip force in the form that the method takes.
 pub fn grip(grip_n: Option<f64>) -> PyResult<Option<GripSample>> {
     match grip_n {
         Some(force_n) if !(force_n.is_finite() && force_n >= 0.0) => {
@@ -34,7 +34,7 @@ pub fn grip(grip_n: Option<f64>) -> PyResult<Option<GripSample>> {
     }
 }
 
-/// A time as the method takes it.
+/// A time in the form that the method takes.
 pub fn time(time_ns: Option<i128>) -> PyResult<Option<u64>> {
     time_ns
         .map(|ns| {
@@ -45,18 +45,18 @@ pub fn time(time_ns: Option<i128>) -> PyResult<Option<u64>> {
         .transpose()
 }
 
-/// Whether the finger at rest is known.
+/// Whether the rest frame is known.
 enum Phase {
-    /// It is looked for among the first frames; None before the first of them.
+    /// The rest frame is searched among the first frames; None before the first of them.
     Looking(Option<Box<RestFinder>>),
-    /// It is.
+    /// The rest frame is known.
     Judging(Box<SlipMonitor>, Arc<CoreSensor>),
 }
 
 struct State {
     phase: Phase,
     frames_count: u64,
-    /// Pixels of arrays whose rows do not lie in one piece.
+    /// Pixels of arrays whose rows are not contiguous.
     scratch: Vec<u8>,
 }
 
@@ -67,14 +67,14 @@ struct State {
 /// sensor : Sensor, str or path
 ///     The finger: a sensor, the name of a built-in one (`slipbound.sensors()`) or its ``FILE.toml``.
 /// rest : "auto", array, sequence of arrays, path or bytes
-///     The finger at rest. ``"auto"`` finds it among the first frames given to :meth:`step`, which are ``unjudged``
-///     until then. A path, or bytes: what ``slipbound tare`` wrote.
+///     The rest frame. ``"auto"`` finds it among the first frames given to :meth:`step`, which are ``unjudged``
+///     until then. A path, or bytes: a file written by ``slipbound tare``.
 /// settings : Settings, str, path or None
 ///     The settings; ``"paper"`` is the paper as written.
 /// order : {"BGR", "RGB"}
-///     The order of the channels of colour pictures; OpenCV gives BGR.
+///     The order of the channels of colour images; OpenCV gives BGR.
 /// finger : str
-///     What the finger is called in the reports.
+///     The name of the finger in the reports.
 #[pyclass(frozen, module = "slipbound")]
 pub struct Monitor {
     sensor: Arc<CoreSensor>,
@@ -114,7 +114,7 @@ impl Monitor {
     /// Parameters
     /// ----------
     /// frame : numpy.ndarray
-    ///     uint8, H x W x 3 or H x W, as the camera delivers it. Read in place where its rows lie in one piece.
+    ///     uint8, H x W x 3 or H x W, as the camera delivers it. Read in place where its rows are contiguous.
     /// grip_n : float or None
     ///     Normal force per finger in newtons, where it is known.
     /// time_ns : int or None
@@ -125,7 +125,7 @@ impl Monitor {
     /// Returns
     /// -------
     /// Report
-    ///     What cannot be judged is a report, too: ``state`` is then ``unjudged`` and ``reason`` says why.
+    ///     A frame that cannot be judged gives a report, too: ``state`` is then ``unjudged`` and ``reason`` says why.
     #[pyo3(signature = (frame, grip_n = None, time_ns = None, order = None))]
     fn step(
         &self,
@@ -150,7 +150,8 @@ impl Monitor {
         Ok(Report { report, kept: Arc::new(kept), finger: self.finger.clone(), frame: seq, waiting })
     }
 
-    /// Judges one frame `count` times in Rust alone and answers the ns of each step: what `bench/python.md` compares with.
+    /// Judges one frame `count` times in Rust alone and returns the ns of each step: the reference of
+    /// `bench/python.md`.
     fn _time_steps(&self, py: Python<'_>, frame: &Bound<'_, PyAny>, count: u64) -> PyResult<Vec<u64>> {
         let picture = Picture::new(frame, self.order)?;
         let mut state = exclusive(&self.state, WHAT)?;
@@ -158,7 +159,7 @@ impl Monitor {
         let Phase::Judging(monitor, _) = &mut state.phase else { return Err(rest_error(NoRest::Empty)) };
         let mut scratch = Vec::new();
         let pixels = picture.pixels(&mut scratch)?;
-        // Numbered on: a gap would be searched for what moved meanwhile, which costs.
+        // Numbered without gaps: after a gap a frame is searched for larger motions, which costs time.
         let first = state.frames_count;
         state.frames_count += count;
         py.detach(|| {
@@ -174,7 +175,7 @@ impl Monitor {
         })
     }
 
-    /// Takes the markers as they were last seen for the reference from now on, as after a grip step.
+    /// Takes the last known markers as the reference from here on, as after a grip step.
     fn rebase(&self) -> PyResult<()> {
         let mut state = exclusive(&self.state, WHAT)?;
         let seq = state.frames_count.saturating_sub(1);
@@ -184,7 +185,7 @@ impl Monitor {
         Ok(())
     }
 
-    /// Whether the finger at rest is known, so that frames are judged.
+    /// Whether the rest frame is known, so that frames are judged.
     #[getter]
     fn is_ready(&self) -> PyResult<bool> {
         Ok(matches!(exclusive(&self.state, WHAT)?.phase, Phase::Judging(..)))
@@ -199,13 +200,13 @@ impl Monitor {
         })
     }
 
-    /// What the finger is called in the reports.
+    /// The name of the finger in the reports.
     #[getter]
     fn finger(&self) -> &str {
         &self.finger
     }
 
-    /// The facts of the finger, as they were given.
+    /// The facts of the finger, as given.
     #[getter]
     fn sensor(&self) -> Sensor {
         Sensor(self.sensor.clone())
@@ -236,12 +237,12 @@ impl Monitor {
         };
         let size = frame.pixels.size();
         let nothing = || Kept::nothing(self.sensor.clone(), size);
-        // Such a frame says nothing of the others: the search goes on with them.
+        // Such a frame does not matter for the others: the search goes on with them.
         if let Err(error) = self.sensor.at_size(size) {
             return Ok((unjudged(frame, grip), nothing(), Some(error.to_string())));
         }
         let new = || RestFinder::new(&self.sensor, &self.settings, size).map(Box::new).map_err(setting);
-        // Of another size than those before: the search begins anew.
+        // The frames before had another size: the search begins again.
         let same = finder.take().filter(|looking| looking.sensor().image_px == size);
         let mut looking = same.map_or_else(new, Ok)?;
         looking.see(&buffer(frame)).map_err(|e| FrameError::new_err(e.to_string()))?;
@@ -251,7 +252,7 @@ impl Monitor {
                     *phase = judging(&self.sensor, &self.settings, found.rest)?;
                     "this frame completes the search for the rest frame; the next one is judged".to_owned()
                 }
-                // The next frames are looked at.
+                // The search goes on with the next frames.
                 Err(error @ NoRest::NoStationaryFrame { .. }) => error.to_string(),
                 Err(error) => return Err(rest_error(error)),
             }
@@ -293,7 +294,7 @@ fn judging(sensor: &CoreSensor, settings: &CoreSettings, rest: Rest) -> PyResult
     Ok(Phase::Judging(Box::new(monitor), sensor))
 }
 
-/// The rest frame from what the caller says is the finger at rest; None for `auto`.
+/// The rest frame from the argument of the caller; None for `auto`.
 pub fn rest_given(
     py: Python<'_>,
     rest: &Bound<'_, PyAny>,
@@ -319,7 +320,7 @@ pub fn rest_given(
     py.detach(|| guarded(|| rest_of(sensor, settings, size, &frames))).map(Some)
 }
 
-/// What `slipbound tare` wrote, as bytes or as the path of its file; None for anything that is neither.
+/// A rest file of `slipbound tare`, as bytes or as a path; None for anything that is neither.
 fn saved(rest: &Bound<'_, PyAny>) -> PyResult<Option<Result<SavedRest, RestFileError>>> {
     if let Ok(bytes) = rest.cast::<PyBytes>() {
         return Ok(Some(SavedRest::from_bytes(bytes.as_bytes(), "rest")));

@@ -1,4 +1,4 @@
-//! The picture of what was found on a frame.
+//! The image of the results on a frame.
 
 use crate::errors::{FrameError, guarded};
 use crate::picture::{Picture, array, byte_order};
@@ -10,16 +10,16 @@ use slipbound::monitor::Reason;
 use slipbound::port::PixelFormat;
 use slipbound_rig::overlay::Overlay;
 
-/// Draws what was found on a frame, in the paper's colours: what moved on the left, what slips on the right.
+/// Draws the results on a frame, in the paper's colours: displacement on the left, slip on the right.
 ///
 /// Parameters
 /// ----------
 /// frame : numpy.ndarray
-///     The frame that the report is of.
+///     The frame of the report.
 /// report : Report
-///     What :meth:`Monitor.step` or :func:`watch` said of it.
+///     The report of :meth:`Monitor.step` or :func:`watch` on it.
 /// order : {"BGR", "RGB"}
-///     Order of the channels of the frame and of the picture.
+///     Order of the channels of the frame and of the image.
 ///
 /// Returns
 /// -------
@@ -29,7 +29,7 @@ use slipbound_rig::overlay::Overlay;
 /// Raises
 /// ------
 /// FrameError
-///     When the frame has another size than the one that the report is of.
+///     When the size of the frame differs from that of the report.
 #[pyfunction]
 #[pyo3(signature = (frame, report, *, order = "BGR"))]
 pub fn overlay<'py>(
@@ -44,7 +44,7 @@ pub fn overlay<'py>(
     let Report { report, kept, .. } = report.get();
     let frame = Frame { pixels: picture.pixels(&mut scratch)?, seq: report.seq, time_ns: report.time_ns };
     let got = frame.pixels.size();
-    // That of a frame that was refused, or seen before the rest frame was known; else that of the sensor.
+    // The size of a frame that was refused, or judged before the rest frame was known; else that of the sensor.
     let expected = match report.reason {
         Some(Reason::FrameSize { got, .. }) => got,
         _ => kept.unjudged_px.unwrap_or(kept.sensor.image_px),

@@ -1,4 +1,4 @@
-//! A numpy array as a frame: borrowed where its rows lie in one piece, else copied row by row.
+//! A numpy array as a frame: borrowed where its rows are contiguous, else copied row by row.
 
 use crate::errors::FrameError;
 use numpy::ndarray::{ArrayView3, ArrayViewD, Axis};
@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use slipbound::image::{ByteOrder, Frame, Gray, Pixels, Rgb, SizePx};
 use slipbound::port::{Clock, FrameBuffer, PixelFormat};
 
-/// Longest side of a picture, pixels, as of what is read from files: a view can claim any size without having it.
+/// Longest side of an image, pixels, as for images from files: a view can claim any size without having it.
 const LONGEST_SIDE_PX: usize = 8192;
 
 /// The order of the bytes of a pixel, by its name.
@@ -21,14 +21,14 @@ pub fn byte_order(name: &str) -> PyResult<ByteOrder> {
     }
 }
 
-/// An array that is a picture, held for as long as it is read.
+/// An array that is an image, held while it is read.
 pub struct Picture<'py> {
     array: PyReadonlyArrayDyn<'py, u8>,
     order: ByteOrder,
 }
 
 impl<'py> Picture<'py> {
-    /// Refuses what is no picture, and says why.
+    /// Refuses an array that is not an image, and says why.
     pub fn new(array: &Bound<'py, PyAny>, order: ByteOrder) -> PyResult<Self> {
         let Ok(untyped) = array.cast::<PyUntypedArray>() else {
             let got = array.get_type().fully_qualified_name()?;
@@ -56,7 +56,7 @@ impl<'py> Picture<'py> {
         Ok(Picture { array, order })
     }
 
-    /// The pixels, borrowed from the array, or from `scratch` where its rows do not lie in one piece.
+    /// The pixels, borrowed from the array, or from `scratch` where its rows are not contiguous.
     pub fn pixels<'a>(&'a self, scratch: &'a mut Vec<u8>) -> PyResult<Pixels<'a>> {
         let view = three_axes(self.array.as_array())?;
         let (height, width, channels) = view.dim();
@@ -77,7 +77,7 @@ impl<'py> Picture<'py> {
     }
 }
 
-/// The pictures of an argument that is one, several, or an array of several.
+/// The images of an argument that is one, several, or an array of several.
 pub fn pictures_of<'py>(pictures: &Bound<'py, PyAny>, order: ByteOrder) -> PyResult<Vec<Picture<'py>>> {
     if pictures.cast::<PyUntypedArray>().is_ok_and(|array| is_one(array.shape())) {
         return Ok(vec![Picture::new(pictures, order)?]);
@@ -85,8 +85,8 @@ pub fn pictures_of<'py>(pictures: &Bound<'py, PyAny>, order: ByteOrder) -> PyRes
     pictures.try_iter()?.map(|picture| Picture::new(&picture?, order)).collect()
 }
 
-/// Whether an array of this shape is one picture, or no picture at all; N x H x W is N grey ones, unless so few columns can only
-/// be channels.
+/// Whether an array of this shape is one image, or no image at all; N x H x W is N grey ones, unless so few columns can
+/// only be channels.
 fn is_one(shape: &[usize]) -> bool {
     matches!(shape, [] | [_] | [_, _] | [_, _, 0..=4])
 }
@@ -97,7 +97,7 @@ fn three_axes(view: ArrayViewD<'_, u8>) -> PyResult<ArrayView3<'_, u8>> {
     view.into_dimensionality().map_err(|e| FrameError::new_err(e.to_string()))
 }
 
-/// `bgr[:, :, ::-1]` is the same bytes in the other order: no reason to copy them.
+/// `bgr[:, :, ::-1]` is the same bytes in the other order: they need not be copied.
 fn forward(mut view: ArrayView3<'_, u8>, order: ByteOrder) -> (ArrayView3<'_, u8>, ByteOrder) {
     if view.dim().2 != 3 || view.strides()[2] >= 0 {
         return (view, order);
@@ -116,7 +116,7 @@ fn gather(view: &ArrayView3<'_, u8>, into: &mut Vec<u8>) {
     }
 }
 
-/// A frame for what keeps it.
+/// A copy of a frame that can be kept.
 pub fn buffer(frame: &Frame<'_>) -> FrameBuffer {
     let size = frame.pixels.size();
     let (format, pixels) = match frame.pixels {

@@ -1,5 +1,5 @@
-//! Ports of the control loop that are written in Python. The first exception that one of them raises is kept; whoever
-//! drives the loop leaves it then and raises the exception again.
+//! Ports of the control loop that are written in Python. The first exception raised by any of them is kept; the driver
+//! of the loop then leaves it and raises the exception again.
 
 use crate::cycle::Cycle;
 use crate::errors::{GripperError as PyGripperError, WristError as PyWristError, data};
@@ -23,7 +23,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub struct Raised(Arc<Mutex<Option<PyErr>>>);
 
 impl Raised {
-    /// Keeps an exception, unless there is one; its text.
+    /// Keeps an exception, unless there is one already; returns its text.
     pub fn keep(&self, error: PyErr) -> String {
         let text = error.to_string();
         self.0.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
@@ -39,8 +39,8 @@ impl Raised {
     }
 }
 
-/// A Python object that a port calls. Who owns the port keeps a clone and shows it to the garbage collector: an object that owns
-/// its own loop is a circle.
+/// A Python object that a port calls. The owner of the port keeps a clone and shows it to the garbage collector: an
+/// object that owns its own loop is a reference cycle.
 #[derive(Clone)]
 pub struct Held(Arc<Mutex<Option<Py<PyAny>>>>);
 
@@ -49,35 +49,35 @@ impl Held {
         Held(Arc::new(Mutex::new(Some(object))))
     }
 
-    /// The object; none after the garbage collector has taken the circle apart.
+    /// The object; none after the garbage collector has broken the cycle.
     fn bind<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let object = held.as_ref().map(|object| object.bind(py).clone());
         object.ok_or_else(|| crate::errors::ClosedError::new_err("expected a loop in use, got one that was collected"))
     }
 
-    /// For `__traverse__`, where nothing may wait.
+    /// For `__traverse__`, which must not wait.
     pub fn traverse(&self, visit: &PyVisit<'_>) -> Result<(), PyTraverseError> {
         match self.0.try_lock() {
             Ok(held) => visit.call(held.as_ref()),
-            Err(_) => Ok(()), // in use: it is no garbage
+            Err(_) => Ok(()), // in use: it is not garbage
         }
     }
 
     /// For `__clear__`.
     pub fn clear(&self) {
         let object = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
-        drop(object); // what it runs at its end finds the lock open
+        drop(object); // its finalizer finds the lock open
     }
 }
 
-/// The variant that a word stands for, or another one.
+/// The variant of this name, or the other one.
 fn kind_of<K: serde::de::DeserializeOwned>(py: Python<'_>, error: &PyErr, otherwise: K) -> K {
     let word = error.value(py).getattr("kind").and_then(|kind| kind.extract::<String>());
     word.ok().and_then(|word| serde_json::from_value(word.into()).ok()).unwrap_or(otherwise)
 }
 
-/// What a gripper says.
+/// The state of a gripper.
 ///
 /// Parameters
 /// ----------
@@ -86,9 +86,9 @@ fn kind_of<K: serde::de::DeserializeOwned>(py: Python<'_>, error: &PyErr, otherw
 /// force_n : float or None
 ///     Measured normal force per finger in newtons, as it reads.
 /// force_error_n : float or None
-///     How far that may be off, in newtons per finger.
+///     Error bound of that, in newtons per finger.
 /// target_n : float or None
-///     The force per finger it last took over.
+///     The force per finger it last accepted.
 /// opening_mm : float or None
 ///     Distance between the fingertips.
 /// jaws : str
@@ -163,7 +163,7 @@ impl From<&CoreGripperState> for GripperState {
     }
 }
 
-/// What a wrist says.
+/// The state of a wrist.
 ///
 /// Parameters
 /// ----------
@@ -197,7 +197,7 @@ impl WristState {
     }
 }
 
-/// What a wrist is told: a motion, its bounds, and how long it may go on without being renewed.
+/// A command to a wrist: a motion, its bounds, and how long it may go on without being renewed.
 #[pyclass(frozen, get_all, module = "slipbound.control")]
 #[derive(Clone)]
 pub struct WristCommand {
@@ -238,14 +238,14 @@ impl WristCommand {
     }
 }
 
-/// What a source returns in place of a frame when the camera is there but gave none. End of the recording is None.
+/// What a source returns instead of a frame when the camera is there but gave none. The end of the recording is None.
 #[pyclass(eq, frozen, hash, module = "slipbound.control")]
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub enum NoFrame {
-    /// No frame within the time that a frame lasts; more may come.
+    /// No frame within the duration of a frame; more may come.
     #[pyo3(name = "SILENT")]
     Silent,
-    /// A frame came and cannot be decoded completely.
+    /// A frame came but cannot be decoded completely.
     #[pyo3(name = "TORN")]
     Torn,
 }
@@ -396,7 +396,7 @@ impl GripController for PythonController {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &CoreGripperState) -> GripDecision {
         self.ask(now_ns, hand, gripper).unwrap_or_else(|error| {
             self.raised.keep(error);
-            // The guard around every controller keeps the force when it is told no number.
+            // The guard around every controller keeps the force when it receives no number.
             GripDecision { force_n: f64::NAN, arm: ArmMotion::Pause }
         })
     }

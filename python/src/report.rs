@@ -1,4 +1,4 @@
-//! What one frame says, as an object with the names of the JSON report.
+//! The report on one frame, as an object with the names of the JSON report.
 
 use crate::errors::{internal, word};
 use crate::field::{Field, Kept};
@@ -65,7 +65,7 @@ part! {
 }
 
 part! {
-    /// How many markers are where.
+    /// Numbers of markers by state.
     Markers from MarkerCounts {
         /// Spots in this frame that lie on a marker of the rest frame.
         detected: u32 = same,
@@ -95,7 +95,7 @@ part! {
 }
 
 part! {
-    /// How far the object has dragged the gel since rest.
+    /// Displacement of the gel by the object since rest.
     Shear from ShearReport {
         /// Mean displacement of the markers in contact, px.
         translation_px: Pair = pair,
@@ -111,11 +111,11 @@ fn maybe_word(kind: Option<SlipKind>) -> Option<String> {
 }
 
 part! {
-    /// The slip field in short.
+    /// Summary of the slip field.
     Slip from SlipSummary {
         /// Markers in contact that slip by more than the threshold.
         markers_over: u32 = same,
-        /// The fewest of them that mean slip.
+        /// The least number of them that counts as slip.
         markers_needed: u32 = same,
         /// That threshold, in marker pitches.
         threshold_pitch: f64 = same,
@@ -143,42 +143,43 @@ part! {
 }
 
 part! {
-    /// Evidence of sliding that does not rest on the slip field.
+    /// Evidence of sliding that does not use the slip field.
     Evidence from EvidenceReport {
-        /// Number of the frame that it counts from.
+        /// Number of the frame of its reference.
         reference_seq: u64 = same,
         /// Fall of the displacement from its greatest since the reference, 0 to 1.
         relaxation: f64 = same,
         /// Displacement of the inner third of the markers over that of the outer third; None before any moves.
         centre_rim_ratio: Option<f64> = same,
-        /// 1 - correlation of the imprint with that of the reference, in gel coordinates; None where no imprint shows.
+        /// 1 - correlation of the imprint with that of the reference, in gel coordinates; None where no imprint is
+        /// visible.
         imprint_change: Option<f64> = same,
         /// Age of the imprint's part of the evidence in frames.
         imprint_age_frames: u32 = same,
         /// Over 1 where the object slides; 0 to 2.
         slide_score: f64 = same,
-        /// How far the imprint has moved over the gel since the reference, rectified px.
+        /// Motion of the imprint over the gel since the reference, rectified px.
         slide_px: Pair = pair,
-        /// How far it has turned on the gel since then, radians.
+        /// Rotation of the imprint on the gel since then, radians.
         slide_rad: f64 = same,
         /// Whether the object slides as a whole now.
         slides: bool = same,
-        /// Speed of that slide in pitches a second; None while nothing slides.
+        /// Speed of that slide in pitches per second; None while nothing slides.
         slide_pitch_per_s: Option<f64> = same,
         /// The same in mm/s; None also where the pitch in mm is unknown.
         slide_mm_per_s: Option<f64> = same,
     }
 }
 
-/// The verdict on one frame and what it rests on.
+/// The verdict on one frame and the evidence for it.
 #[pyclass(frozen, module = "slipbound")]
 pub struct Report {
     pub report: SlipReport,
     pub kept: Arc<Kept>,
-    /// What the finger is called.
+    /// The name of the finger.
     #[pyo3(get)]
     pub finger: String,
-    /// Place among the frames seen, from 0.
+    /// Index among all frames seen, from 0.
     #[pyo3(get)]
     pub frame: u64,
     /// Why there is no rest frame yet.
@@ -223,19 +224,19 @@ impl Report {
         self.report.contact.into()
     }
 
-    /// How many markers are where.
+    /// Numbers of markers by state.
     #[getter]
     fn markers(&self) -> Markers {
         self.report.markers.into()
     }
 
-    /// Number of the frame that displacement is judged against.
+    /// Number of the reference frame.
     #[getter]
     fn reference_seq(&self) -> u64 {
         self.report.reference_seq
     }
 
-    /// Grip force per finger in newtons, as it was given.
+    /// Grip force per finger in newtons, as given.
     #[getter]
     fn grip_n(&self) -> Option<f64> {
         self.report.grip_n
@@ -247,13 +248,13 @@ impl Report {
         self.report.motion.map(Into::into)
     }
 
-    /// How far the gel is sheared; None without contact.
+    /// Shear displacement of the gel; None without contact.
     #[getter]
     fn shear(&self) -> Option<Shear> {
         self.report.shear.map(Into::into)
     }
 
-    /// The slip field in short.
+    /// Summary of the slip field.
     #[getter]
     fn slip(&self) -> Slip {
         self.report.slip.into()
@@ -321,7 +322,7 @@ impl Report {
     }
 
     /// The same as a flat dict: `contact_area_px2`, `motion_translation_px_x`, ... The keys are the same for every
-    /// report; what is not known is None.
+    /// report; an unknown value is None.
     fn to_row<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         py.import("slipbound._rows")?.call_method1("flat", (self.to_dict(py, false)?,))
     }
@@ -334,7 +335,7 @@ impl Report {
     }
 }
 
-/// The line of a report in which nothing is None: it shows which columns there are.
+/// The line of a report in which nothing is None: it defines the columns.
 #[pyfunction]
 pub fn full_line() -> PyResult<String> {
     String::from_utf8(slipbound_rig::report_csv::full_line().map_err(internal)?).map_err(internal)

@@ -1,4 +1,4 @@
-//! Sensors and settings as objects, with their files in and out.
+//! Sensors and settings as objects, and their files.
 
 use crate::errors::{SettingError, calibration, config as config_error, data, guarded, internal, word};
 use crate::picture::{byte_order, pictures_of};
@@ -12,7 +12,7 @@ use slipbound_rig::{config, sensors};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// What a text given to Python is called in messages.
+/// The name of a text given to Python in messages.
 const TEXT: &str = "the text";
 
 /// The facts of a finger: how its camera sees the gel and what the markers on it look like. Read-only.
@@ -46,12 +46,12 @@ impl Sensor {
         sensors::to_toml(&self.0).map_err(internal)
     }
 
-    /// What pickle keeps: the text, so that other processes can have it.
+    /// Pickle stores the text, so that other processes can have it.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
         Ok((py.get_type::<Sensor>().getattr("from_toml")?, (self.to_toml()?,)))
     }
 
-    /// All facts by the names of the sensor file.
+    /// All facts, with the names of the sensor file as keys.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         data(py, &*self.0)
     }
@@ -62,19 +62,19 @@ impl Sensor {
         &self.0.name
     }
 
-    /// Width and height of the camera image at which the px values hold.
+    /// Width and height of the camera image to which the px values apply.
     #[getter]
     fn image_px(&self) -> (usize, usize) {
         size((self.0.image_px,))
     }
 
-    /// Width and height of the rectified picture.
+    /// Width and height of the rectified image.
     #[getter]
     fn rectified_px(&self) -> (usize, usize) {
         size((self.0.rectified_px(),))
     }
 
-    /// Distance between neighbouring markers in the rectified picture.
+    /// Distance between neighbouring markers in the rectified image.
     #[getter]
     fn pitch_px(&self) -> f64 {
         self.0.pitch_px
@@ -98,7 +98,7 @@ impl Sensor {
     }
 }
 
-/// What stands for a sensor in an argument.
+/// A sensor from an argument.
 pub fn sensor_of(argument: &Bound<'_, PyAny>) -> PyResult<Arc<CoreSensor>> {
     match argument.cast::<Sensor>() {
         Ok(sensor) => Ok(sensor.get().0.clone()),
@@ -143,12 +143,12 @@ impl Settings {
         config::settings_to_toml(&self.0).map_err(internal)
     }
 
-    /// What pickle keeps: the text, so that other processes can have it.
+    /// Pickle stores the text, so that other processes can have it.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
         Ok((py.get_type::<Settings>().getattr("from_toml")?, (self.to_toml()?,)))
     }
 
-    /// All settings by the names of the settings file.
+    /// All settings, with the names of the settings file as keys.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         data(py, &*self.0)
     }
@@ -163,7 +163,7 @@ impl Settings {
     }
 }
 
-/// What stands for settings in an argument: None, settings, `paper`, a file.
+/// Settings from an argument: None, settings, `paper`, a file.
 pub fn settings_of(argument: Option<&Bound<'_, PyAny>>) -> PyResult<Arc<CoreSettings>> {
     match argument {
         None => Ok(Settings::default().0),
@@ -180,7 +180,7 @@ pub fn sensors_built_in() -> Vec<&'static str> {
     sensors::names().collect()
 }
 
-/// A word of a sensor file as the fact it stands for.
+/// The fact of a word in a sensor file.
 fn fact<T: serde::de::DeserializeOwned>(key: &str, value: &str) -> PyResult<T> {
     serde_json::from_value(value.into()).map_err(|e| SettingError::new_err(format!("{key}: {e}")))
 }

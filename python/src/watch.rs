@@ -24,7 +24,7 @@ use slipbound_rig::source::{self, ReadAhead, most_common_size};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
-/// What it is called in messages.
+/// Its name in messages.
 const WHAT: &str = "watch";
 
 /// A recording, and where it was opened.
@@ -32,15 +32,15 @@ struct Open {
     recording: ReadAhead,
     monitor: Box<SlipMonitor>,
     frame: FrameBuffer,
-    /// The newest frame is whole.
+    /// Whether the newest frame is whole.
     whole: bool,
     frames_count: u64,
     process_id: u32,
-    /// What Ctrl-C raised while the source was silent.
+    /// The exception that Ctrl-C raised while the source was silent.
     raised: Raised,
 }
 
-/// A source of which the first frames are read: a camera may be silent for as long as it likes, and Ctrl-C ends that.
+/// A source whose first frames are read: a camera may be silent for any time, and Ctrl-C ends that.
 struct Interruptible {
     source: Box<dyn FrameSource + Send>,
     raised: Raised,
@@ -92,12 +92,12 @@ pub fn watch(
     interrupted_or(py, opened)
 }
 
-/// Of a read that Ctrl-C has broken off, Ctrl-C is the reason that is told.
+/// The exception of Ctrl-C, if it has interrupted the read.
 fn interrupted_or<R>(py: Python<'_>, result: PyResult<R>) -> PyResult<R> {
     result.or_else(|error| py.check_signals().and(Err(error)))
 }
 
-/// Opens a recording or starts a simulation; the finger of a simulated one.
+/// Opens a recording or starts a simulation; also returns the finger of a simulated one.
 fn open_source(uri: &str) -> PyResult<(Box<dyn FrameSource + Send>, Option<CoreSensor>)> {
     let Some(scene) = uri.strip_prefix("sim:") else {
         let opened = source::open(uri).map_err(|e| Python::attach(|py| source_error(py, e.into())))?;
@@ -222,7 +222,7 @@ impl Watch {
         interrupted_or(py, next)
     }
 
-    /// The frame of the newest report as an array; None before the first, and where it did not arrive whole.
+    /// The frame of the newest report as an array; None before the first, and where it did not arrive completely.
     #[pyo3(signature = (*, order = "BGR"))]
     fn image<'py>(&self, py: Python<'py>, order: &str) -> PyResult<Option<Bound<'py, PyArrayDyn<u8>>>> {
         let order = byte_order(order)?;
@@ -232,7 +232,7 @@ impl Watch {
         open.whole.then(|| array(py, pixels.clone(), *size, *format, order)).transpose()
     }
 
-    /// Closes the source. What was reported stays.
+    /// Closes the source. Reports already given stay valid.
     fn close(&self) -> PyResult<()> {
         exclusive(&self.open, WHAT)?.take();
         Ok(())
@@ -248,7 +248,7 @@ impl Watch {
         Ok(false)
     }
 
-    /// The source, as it was named.
+    /// The source, as named.
     #[getter]
     fn source(&self) -> &str {
         &self.source
@@ -272,13 +272,13 @@ impl Watch {
         word(&self.clock)
     }
 
-    /// What the finger was doing in its rest frame: `unloaded` or `in_contact`.
+    /// The state of the finger in its rest frame: `unloaded` or `in_contact`.
     #[getter]
     fn rest_kind(&self) -> PyResult<String> {
         word(&self.rest_kind)
     }
 
-    /// All that is still to come as a table of flat columns, see `Report.to_row`.
+    /// All remaining reports as a table of flat columns, see `Report.to_row`.
     fn to_pandas<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("slipbound._rows")?.call_method1("to_pandas", (slf,))
     }

@@ -28,12 +28,12 @@ def sensor() -> slipbound.Sensor:
 
 @pytest.fixture
 def monitor(frames: list[slipbound.lab.SimulatedFrame], sensor: slipbound.Sensor) -> slipbound.Monitor:
-    """A monitor that knows the finger at rest."""
+    """A monitor with a known rest frame."""
     return slipbound.Monitor(sensor, rest=[frame.image() for frame in frames[:5]])
 
 
 def recordings() -> Iterator[Path]:
-    """Recordings that are not part of the project, where they are."""
+    """Recordings that are not part of the project, if present."""
     folder = Path(os.environ.get("SLIPBOUND_DATA", ROOT.parent / "shared" / "data"))
     for kind in ("gelsight-lift", "gelsight-mini-press", "gelslim3-press", "gelsight-mini-wriggle"):
         yield from sorted((folder / kind).rglob("*")) if (folder / kind).is_dir() else ()

@@ -47,7 +47,7 @@ class Recorded(FrameSource):
 
 
 class Jaws(Gripper):
-    """Takes every force; raises at a call."""
+    """Accepts every force; raises at a call."""
 
     def __init__(self, fails_at: int | None = None, error: BaseException | None = None) -> None:
         self.told: list[float | None] = []
@@ -65,7 +65,7 @@ class Jaws(Gripper):
 
 
 class Arm(Wrist):
-    """Notes what it is told."""
+    """Records its commands."""
 
     def __init__(self) -> None:
         self.told: list[str] = []
@@ -113,7 +113,7 @@ def test_a_record_of_a_cycle(still, sensor):
 
 
 class Boom(Exception):
-    """What no library raises by itself."""
+    """An exception that no library raises by itself."""
 
 
 class Ramp(Controller):
@@ -226,7 +226,7 @@ def test_a_simulated_hand(still):
 
 def test_a_circle_through_a_loop_is_collected(still, sensor):
     class Robot(Recorded, Jaws):
-        """Its own source and gripper, which owns its loop."""
+        """Its own source and gripper; owns its loop."""
 
         def __init__(self) -> None:
             Recorded.__init__(self, still)
@@ -254,7 +254,7 @@ def test_a_circle_through_a_loop_is_collected(still, sensor):
     alive = [made(kind) for kind in (Robot, Thinker, Robot, Thinker)]
     gc.collect()
     assert [one() for one in alive] == [None] * 4
-    # What is in use stays.
+    # An object in use stays.
     robot = Robot()
     gc.collect()
     assert robot.control.cycle(0).outcome == "commanded"
@@ -269,7 +269,7 @@ def test_a_controller_that_fails_keeps_a_simulated_object():
 
 
 class Gapped(Recorded):
-    """Says at some frames that none came, or that one is torn."""
+    """Reports at some frames that none came, or that one is torn."""
 
     def __init__(self, frames, gaps: dict[int, object]) -> None:
         super().__init__(frames)
@@ -289,7 +289,7 @@ def test_a_source_that_gives_no_frame_does_not_end_the_loop(still, sensor, gap, 
         report = cycle.reports[0]
         assert (report is not None) == reports
         assert report is None or (report.state == "unjudged" and "torn" in report.reason)
-    # A silent camera sent nothing to be numbered; torn frames have numbers.
+    # A silent camera sent nothing to number; torn frames have numbers.
     assert cycles[33].reports[0].seq == (33 if reports else 31)
     assert gripper.told[-1] is not None
 

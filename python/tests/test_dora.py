@@ -22,7 +22,7 @@ def test_every_report_of_the_dataflow_is_that_of_a_monitor(tmp_path):
     flow = tmp_path / "flow"
     shutil.copytree(ROOT / "python" / "examples" / "dora_dataflow", flow)
     reports = tmp_path / "reports.jsonl"
-    # dora starts the nodes with the first `python` of the path.
+    # dora starts the nodes with the first `python` in PATH.
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     env = {**os.environ, "PATH": path, "SCENE": SCENE, "REPORTS": str(reports)}
     done = subprocess.run(

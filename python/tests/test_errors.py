@@ -1,4 +1,4 @@
-"""What is wrong is said by a Python exception: never a panic, never an abort."""
+"""Every failure is a Python exception: never a panic, never an abort."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from conftest import SCENE
         (np.uint8(3), TypeError, "got numpy.uint8"),
         (np.zeros((0, 427, 3), np.uint8), slipbound.FrameError, "got shape"),
         (np.zeros((320, 0, 3), np.uint8), slipbound.FrameError, "got shape"),
-        # 30 GB that are one byte.
+        # 30 GB made of one byte.
         (np.broadcast_to(np.uint8(0), (100_000, 100_000, 3)), slipbound.FrameError, "at most 8192 px a side"),
         ([[1, 2], [3, 4]], TypeError, "got list"),
         (None, TypeError, "got NoneType"),
@@ -45,7 +45,7 @@ from conftest import SCENE
 def test_what_is_no_picture_is_refused(monitor, array, kind, text):
     with pytest.raises(kind, match=text):
         monitor.step(array)
-    if not isinstance(array, np.ndarray) or array.ndim != 4:  # several pictures to calibrate from
+    if not isinstance(array, np.ndarray) or array.ndim != 4:  # several images to calibrate from
         with pytest.raises((kind, TypeError)):
             slipbound.calibrate(array)
 
@@ -136,7 +136,7 @@ def test_files_that_cannot_be_read_have_number_and_name(tmp_path):
 
 
 def test_what_python_itself_refuses(monitor, frames):
-    """What docs/python.md calls a TypeError or an OverflowError."""
+    """The cases that docs/python.md lists as TypeError or OverflowError."""
     image = frames[0].image()
     for wrong in ({"grip_n": "10"}, {"time_ns": 1.5}, {"order": 3}):
         with pytest.raises(TypeError):
@@ -184,7 +184,7 @@ def test_two_threads_on_one_monitor_get_reports_or_a_clear_error(monitor, frames
                 seqs.append(monitor.step(image).seq)
             except slipbound.BusyError:
                 pass
-            except BaseException as error:  # noqa: BLE001 - whatever else comes is the failure
+            except BaseException as error:  # noqa: BLE001 - any other exception is the failure
                 wrong.append(error)
 
     threads = [threading.Thread(target=work) for _ in range(4)]
@@ -260,7 +260,7 @@ def test_a_fork_goes_on_with_a_monitor_and_is_told_of_a_source(monitor, frames):
 
 
 def interrupted(program: str, after: str = "ready") -> subprocess.CompletedProcess[str]:
-    # What is run in the background of a shell ignores SIGINT, and so would its children.
+    # A background process of a shell ignores SIGINT, and so would its children.
     heeds = "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
     process = subprocess.Popen(
         [sys.executable, "-u", "-c", heeds + program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -320,7 +320,7 @@ def test_monitors_leave_no_memory_behind():
     count = int(os.environ.get("SLIPBOUND_MONITORS", "2000"))
     resource = pytest.importorskip("resource")
     del resource
-    # A small finger: what is looked for does not depend on its size.
+    # A small finger: the result does not depend on its size.
     sensor = slipbound.Sensor.from_toml(
         'name = "small"\nimage_px = [96, 96]\nflip = "none"\ngrey_weights_rgb = [0.3, 0.4, 0.3]\n'
         'polarity = "dark"\npitch_px = 12.0\nmarker_diameter_px = 4.0\nskin = "smooth"\n'

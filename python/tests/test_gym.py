@@ -20,7 +20,7 @@ def test_gymnasium_accepts_it(name):
     env = gymnasium.make(f"slipbound/{name}-v0", render_mode="rgb_array", grid="fast")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        # The numbers of an observation have no bounds, and a force is no number around 0: said by warnings only.
+        # The numbers of an observation have no bounds, and a force is not centred on 0: both are only warnings.
         warnings.filterwarnings("ignore", message=".*(Box observation space|symmetric|normalized).*")
         check_env(env.unwrapped, skip_render_check=True)
     assert env.unwrapped.render().shape == env.observation_space["image"].shape
@@ -45,7 +45,7 @@ def test_the_reward_charges_the_force_that_was_commanded():
     for force_n in (25.0, 40.0):
         env.reset(seed=1)
         rewards.append([env.step(np.array([force_n], np.float32))[1] for _ in range(40)])
-    # While the jaws close the task commands its own force, whatever the action is.
+    # While the jaws close the task commands its own force, whatever the action.
     assert rewards[0][0] == rewards[1][0]
     assert rewards[0][-1] == pytest.approx(-25 / 60, abs=0.1) and rewards[1][-1] == pytest.approx(-40 / 60, abs=0.1)
 

@@ -1,4 +1,4 @@
-"""A detector written in Python is judged as those of ``slipbound eval`` are."""
+"""A detector written in Python is judged like those of ``slipbound eval``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The notebooks run from top to bottom, and are kept without what they print."""
+"""The notebooks run from top to bottom, and are stored without output."""
 
 from __future__ import annotations
 

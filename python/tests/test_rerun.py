@@ -1,4 +1,4 @@
-"""What is logged to Rerun can be read back."""
+"""Data logged to Rerun can be read back."""
 
 from __future__ import annotations
 

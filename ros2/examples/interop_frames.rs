@@ -1,6 +1,6 @@
-//! Writes the pictures of a simulated finger and what the library says of them, for tests in other languages:
-//! `interop_frames FOLDER` makes `000.jpg`, ..., `sensor.toml` and `reports.jsonl`, a `slipbound_msgs/SlipReport` a line with null for NaN.
-//! The first 20 pictures are the rest frame; the picture after them has the first line.
+//! Writes the images of a simulated finger and the library's reports on them, for tests in other languages:
+//! `interop_frames FOLDER` makes `000.jpg`, ..., `sensor.toml` and `reports.jsonl`, one `slipbound_msgs/SlipReport` per
+//! line with null for NaN. The first 20 images are for the rest frame; the first line belongs to the image after them.
 
 use slipbound::finger_pipeline::RestFinder;
 use slipbound::monitor::{Settings, SlipMonitor};
@@ -13,10 +13,10 @@ use std::error::Error;
 use std::io::Write as _;
 use std::path::PathBuf;
 
-/// Stamp of the first picture, ns since 1970.
+/// Stamp of the first image, ns since 1970.
 const BEGIN_NS: u64 = 1_700_000_000_000_000_000;
 
-/// What is simulated.
+/// The simulated scene.
 const SCENE: &str =
     "shear?distance_mm=3&speed_mm_per_s=10&grid=fast&rest_frames=24&press_s=0.2&settle_s=0.1&jpeg_quality=75";
 

@@ -8,10 +8,10 @@ pub mod simulate;
 use slipbound::setting::SettingError;
 use slipbound_ros2::error::Error;
 
-/// What a command ends with.
+/// Result of a command.
 pub type Done = Result<(), Box<dyn std::error::Error>>;
 
-/// The domain that `ROS_DOMAIN_ID` says, else 0.
+/// The domain from `ROS_DOMAIN_ID`, else 0.
 pub fn domain_id() -> Result<u16, Error> {
     let Some(text) = std::env::var("ROS_DOMAIN_ID").ok() else { return Ok(0) };
     text.trim().parse().ok().filter(|id| *id <= 232).ok_or_else(|| {

@@ -1,4 +1,4 @@
-//! The parameters of the node: a TOML file. `example.toml` is one with every key.
+//! The parameters of the node: a TOML file. `example.toml` contains every key.
 
 use crate::error::Error;
 use crate::ros::{ServiceMapping, checked_node, full_topic};
@@ -10,7 +10,7 @@ use slipbound_rig::config::hand::{FingerConfig, HandConfig};
 use slipbound_rig::config::{self, hand};
 use std::path::{Path, PathBuf};
 
-/// Largest ROS domain: beyond it ports run out (REP 2003 allows 232).
+/// Largest ROS domain: beyond it there are not enough ports (REP 2003 allows 232).
 const DOMAIN_MOST: u16 = 232;
 
 /// The parameters of a node, checked.
@@ -28,11 +28,11 @@ pub struct Config {
     pub hand_frame: String,
     /// Settings of the method.
     pub settings: Settings,
-    /// How pictures are asked for.
+    /// QoS of the image subscriptions.
     pub image_qos: ImageQos,
-    /// Topic on which a gripper says its force; None: nobody tells.
+    /// Topic on which a gripper reports its force; None: no force.
     pub gripper_state_topic: Option<String>,
-    /// Whether pictures of what was found are published.
+    /// Whether overlay images are published.
     pub overlay: bool,
     /// Whether the node configures and activates itself: when every rest frame is known, or 4 s after the first is.
     pub autostart: bool,
@@ -40,12 +40,12 @@ pub struct Config {
     pub fingers: Vec<Finger>,
 }
 
-/// A finger and where its pictures come from.
+/// A finger and the source of its images.
 #[derive(Debug, Clone)]
 pub struct Finger {
-    /// What the hand file says of it.
+    /// Its entry in the hand file.
     pub finger: FingerConfig,
-    /// Topic of its pictures.
+    /// Topic of its images.
     pub image_topic: String,
     /// Their type.
     pub image_type: ImageType,
@@ -53,17 +53,17 @@ pub struct Finger {
     pub wrench_frame: String,
 }
 
-/// How pictures are asked for.
+/// QoS of the image subscriptions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ImageQos {
-    /// As sensors send: best effort, the last five.
+    /// Sensor data: best effort, the last five.
     SensorData,
-    /// Lost pictures are sent again; the publisher must offer it.
+    /// Lost images are sent again; the publisher must offer it.
     Reliable,
 }
 
-/// The message that a picture is in.
+/// Message type of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ImageType {
@@ -131,8 +131,8 @@ fn compressed() -> ImageType {
     ImageType::Compressed
 }
 
-/// Reads the parameters and the files they name, which lie beside them. `domain_id`: what `ROS_DOMAIN_ID` says, which the
-/// file overrides. The error names file, key, expected and got.
+/// Reads the parameters and the files they name, which are in the same folder. `domain_id`: the value of
+/// `ROS_DOMAIN_ID`, which the file overrides. The error names file, key, expected and got.
 pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
     let file: ConfigFile = config::load(path)?;
     let refuse = |key: String, expected: String, got: String| {
@@ -171,7 +171,7 @@ pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
         }
         Err(e) => return Err(e),
     };
-    // tf2 takes no name that is empty or begins with a slash.
+    // tf2 rejects a name that is empty or begins with a slash.
     let check_frame = |key: &str, frame: &str| match frame.is_empty() || frame.starts_with('/') {
         true => {
             let expected = "the name of a frame, without a slash at its beginning".into();
@@ -187,7 +187,7 @@ pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
         if !is_known || file.fingers[..i].iter().any(|other| other.name == finger.name) {
             return Err(refuse(format!("fingers[{i}].name"), hand_fingers, format!("`{}`", finger.name)));
         }
-        // Two fingers that see the same would agree on everything.
+        // Two fingers with the same images would always agree.
         let topic = full_topic(&node.fully_qualified_name(), &finger.image_topic);
         if Name::parse(&topic).is_err() {
             let expected = "the name of a topic".into();

@@ -1,4 +1,4 @@
-//! What can go wrong before the node runs, and what ends it.
+//! Errors before the node runs, and errors that end it.
 
 use slipbound::setting::SettingError;
 
@@ -6,20 +6,20 @@ use slipbound::setting::SettingError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A file that a person wrote.
+    /// A file written by a user.
     #[error(transparent)]
     Config(#[from] slipbound_rig::config::Error),
     /// The library refuses a setting.
     #[error(transparent)]
     Setting(#[from] SettingError),
-    /// A name that ROS does not take.
+    /// A name that ROS does not accept.
     #[error("{key}: expected a name that ROS takes, got `{name}`: {why}")]
     Name {
         /// Which name it is.
         key: String,
         /// The name.
         name: String,
-        /// What ROS says.
+        /// The reason given by ROS.
         why: String,
     },
     /// The middleware refused.
@@ -30,13 +30,13 @@ pub enum Error {
         /// Its reason.
         why: String,
     },
-    /// Nobody judges pictures any more.
+    /// No finger thread is left to judge images.
     #[error("expected at least one finger that judges pictures, got none: the threads of all have broken down")]
     FingersBroken,
 }
 
 impl Error {
-    /// Whether it is something that a person wrote, not the network or a thread.
+    /// Whether the cause is user input, not the network or a thread.
     pub fn is_argument(&self) -> bool {
         !matches!(self, Error::Middleware { .. } | Error::FingersBroken)
     }

@@ -1,9 +1,10 @@
-//! A finger: its pictures in order to its reports, by the library's rest finder and monitor. Knows nothing of ROS's network.
+//! A finger: from its images in order to its reports, by the library's rest finder and monitor. Independent of ROS's
+//! network.
 //!
 //! ```text
-//!   idle --look--> looking for rest --found--> judging --tare--> judging, and looking for a new rest
-//!    ^                   |                     |    ^                | untouched: that is the rest frame from now on
-//!    '-------forget------'---------------------'    '----------------' touched, dark, or a picture that fails: the old one stays
+//!   idle --look--> looking for rest --found--> judging --tare--> judging, and looking for a new rest frame
+//!    ^                   |                     |    ^                | untouched: that becomes the rest frame
+//!    '-------forget------'---------------------'    '----------------' touched, dark or failing image: old one kept
 //! ```
 
 use slipbound::finger_pipeline::RestFinder;
@@ -11,7 +12,7 @@ use slipbound::monitor::{RestError, RestKind, Settings, SlipMonitor, SlipReport,
 use slipbound::port::{FrameBuffer, GripSample};
 use slipbound::sensor::Sensor;
 
-/// A finger between its pictures.
+/// A finger between its images.
 pub struct Finger {
     sensor: Sensor,
     settings: Settings,
@@ -23,43 +24,43 @@ pub struct Finger {
     looks_for_rest: bool,
 }
 
-/// What became of a picture.
+/// Result of an image.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Seen {
-    /// It was passed over: the rest frame is neither known nor looked for.
+    /// It was skipped: the rest frame is neither known nor looked for.
     Idle,
-    /// It was looked at for the rest frame; nothing is said of it.
+    /// It was used for the rest frame; there is no report.
     AtRest,
-    /// The rest frame is known from now on; nothing is said of the picture.
+    /// It completed the rest frame; there is no report.
     RestFound(RestKind),
     /// It was judged.
     Judged(SlipReport),
-    /// It was judged, and with it a tare has ended: done, or why not.
+    /// It was judged, and a tare has ended with it: done, or why not.
     Tared(SlipReport, Result<(), String>),
-    /// It cannot be used; why.
+    /// It cannot be used; the reason.
     Refused(String),
 }
 
 impl Finger {
-    /// A finger before its first picture, idle.
+    /// A finger before its first image, idle.
     pub fn new(sensor: Sensor, settings: Settings) -> Self {
         let (finder, monitor, rest_kind, last_state) = (None, None, None, None);
         let (is_taring, looks_for_rest) = (false, false);
         Finger { sensor, settings, finder, monitor, rest_kind, last_state, is_taring, looks_for_rest }
     }
 
-    /// Looks for the rest frame from the next picture on, where it is not known.
+    /// Looks for the rest frame from the next image on, if it is not known.
     pub fn look(&mut self) {
         self.looks_for_rest = true;
     }
 
-    /// Forgets the rest frame and whatever rests on it, a tare too; idle from now on.
+    /// Forgets the rest frame and everything based on it, including a tare; idle from now on.
     pub fn forget(&mut self) {
         (self.finder, self.monitor, self.rest_kind, self.last_state) = (None, None, None, None);
         (self.is_taring, self.looks_for_rest) = (false, false);
     }
 
-    /// Whether pictures are of no use to it.
+    /// Whether it ignores images.
     pub fn is_idle(&self) -> bool {
         self.monitor.is_none() && !self.looks_for_rest
     }
@@ -69,12 +70,12 @@ impl Finger {
         self.monitor.as_ref()
     }
 
-    /// What it was doing in its rest frame; None before that is known.
+    /// Whether it was unloaded or in contact in its rest frame; None before that is known.
     pub fn rest_kind(&self) -> Option<RestKind> {
         self.rest_kind
     }
 
-    /// Begins to take the rest frame anew from the next pictures. Refused where something touches the finger, or may.
+    /// Begins to renew the rest frame from the next images. Rejected where something touches the finger, or may.
     pub fn tare(&mut self) -> Result<(), String> {
         match self.last_state {
             _ if self.is_taring => Err("it is being tared already".into()),
@@ -90,7 +91,7 @@ impl Finger {
         }
     }
 
-    /// Stops taking the rest frame anew, and keeps the old one. False where it does not take one.
+    /// Stops renewing the rest frame and keeps the old one. False if no tare was in progress.
     pub fn stop_tare(&mut self) -> bool {
         let was_taring = std::mem::take(&mut self.is_taring);
         if was_taring {
@@ -99,7 +100,7 @@ impl Finger {
         was_taring
     }
 
-    /// Takes the next whole picture.
+    /// Takes the next whole image.
     pub fn see(&mut self, frame: &FrameBuffer, grip: Option<GripSample>) -> Seen {
         if self.is_idle() {
             return Seen::Idle;
@@ -127,7 +128,7 @@ impl Finger {
         Seen::Tared(report, ended)
     }
 
-    /// A picture that did not arrive whole.
+    /// An image that did not arrive completely.
     pub fn torn(&mut self, seq: u64, time_ns: Option<u64>) -> Option<SlipReport> {
         Some(self.monitor.as_ref()?.torn(seq, time_ns))
     }
@@ -141,7 +142,7 @@ impl Finger {
             },
         };
         if let Err(e) = finder.see(frame) {
-            self.finder = None; // of another size: from the beginning
+            self.finder = None; // of another size: start again
             return Seen::Refused(e.to_string());
         }
         if !finder.is_full() {
@@ -149,7 +150,7 @@ impl Finger {
         }
         let found = match self.finder.take().map(RestFinder::find) {
             Some(Ok(found)) => found,
-            // Dark so far: it goes on looking.
+            // Only dark images so far: it continues to look.
             Some(Err(RestError::NoStationaryFrame { .. })) if !self.is_taring => return Seen::AtRest,
             Some(Err(e)) => return Seen::Refused(e.to_string()),
             None => return Seen::AtRest,

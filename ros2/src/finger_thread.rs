@@ -1,8 +1,8 @@
-//! A finger on a thread of its own: pictures in, reports out.
+//! A finger on a separate thread: images in, reports out.
 //!
 //! ```text
 //!   image topic --Inbox--> the two newest --decode--> Finger --> report, wrench topics; the hand, the tally
-//!                                                        '--> overlay thread, where it is free
+//!                                                        '--> overlay thread, if it is free
 //! ```
 
 use crate::config::{Config, Finger as FingerConfig, ImageQos, ImageType};
@@ -24,34 +24,34 @@ use std::sync::mpsc::{Receiver, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// Pictures that may wait; older ones are passed over. Who asks for every picture gets it, as long as it can be.
+/// Number of images that may wait; older ones are skipped. With `reliable` every image is judged as far as possible.
 const WAITING_COUNT: usize = 2;
 const WAITING_RELIABLE_COUNT: usize = 10;
 
-/// Longest wait for a picture before it is looked for the end and for what is asked.
+/// Longest wait for an image before stop flag and requests are checked.
 const LONGEST_WAIT: Duration = Duration::from_millis(20);
 
-/// What the threads of a node share.
+/// State shared by the threads of a node.
 #[derive(Debug, Default)]
 pub struct Shared {
-    /// Whether all should end.
+    /// Whether all threads should end.
     pub stop: AtomicBool,
-    /// Whether reports, wrenches and overlays are published; pictures are judged all the same.
+    /// Whether reports, wrenches and overlays are published; images are judged in either case.
     pub publishes: AtomicBool,
-    /// The force per finger, where a gripper tells.
+    /// The force per finger, where a gripper reports it.
     pub grip: Mutex<Option<GripSample>>,
 }
 
-/// What is asked of a finger.
+/// Requests to a finger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ask {
-    /// To take its rest frame anew.
+    /// Renew the rest frame.
     Tare,
-    /// To stop doing so: nobody waits for it any more.
+    /// Stop doing so: the request has timed out.
     StopTare,
-    /// To look for its rest frame, where it has none.
+    /// Look for the rest frame, if there is none.
     Look,
-    /// To forget its rest frame, and not to look for one.
+    /// Forget the rest frame, and do not look for one.
     Forget,
 }
 
@@ -60,13 +60,13 @@ pub enum Ask {
 pub enum FingerEvent {
     /// A report.
     Report(Box<monitor::SlipReport>),
-    /// The rest frame is known; so often it was asked to forget one before.
+    /// The rest frame is known; with the number of requests to forget that were processed before.
     AtRest(u64),
     /// How a tare has ended.
     Tared(Result<(), String>),
 }
 
-/// The topic of a finger's pictures.
+/// The topic of a finger's images.
 enum Pictures {
     Compressed(Inbox<CompressedImage>),
     Raw(Inbox<Image>),
@@ -104,7 +104,7 @@ impl Pictures {
     }
 }
 
-/// A finger without topics: what stays of it when the network is joined anew.
+/// A finger without topics: what is kept when the network is joined again.
 pub struct Kept {
     finger: Finger,
     frames_count: u64,
@@ -113,7 +113,7 @@ pub struct Kept {
 }
 
 impl Kept {
-    /// A finger that has seen nothing, and was asked so often to forget.
+    /// A finger without any frame, with this number of requests to forget.
     pub fn new(config: &FingerConfig, settings: &Settings, looks_for_rest: bool, forgotten_count: u64) -> Self {
         let mut finger = Finger::new(config.finger.sensor.clone(), settings.clone());
         if looks_for_rest {
@@ -144,15 +144,15 @@ pub struct FingerThread {
     hand: Sender<(usize, FingerEvent)>,
 }
 
-/// What a finger's thread is joined to.
+/// Connections of a finger's thread.
 pub struct Joints {
     /// What the threads share.
     pub shared: Arc<Shared>,
     /// Counts of this finger.
     pub tally: Arc<Mutex<Tally>>,
-    /// Where it is asked for something.
+    /// Requests to the finger.
     pub asked: Receiver<Ask>,
-    /// What it tells.
+    /// Events of the finger.
     pub hand: Sender<(usize, FingerEvent)>,
 }
 
@@ -196,7 +196,7 @@ impl FingerThread {
         })
     }
 
-    /// Runs until the node stops or joins anew; what stays.
+    /// Runs until the node stops or joins again; returns what is kept.
     pub fn run(mut self) -> Kept {
         while !self.shared.stop.load(Ordering::Relaxed) {
             self.take_all();
@@ -206,7 +206,7 @@ impl FingerThread {
                 None => self.pictures.wait(LONGEST_WAIT),
             }
         }
-        self.obey(); // what was asked before the end holds after it
+        self.obey(); // requests from before the end are still processed
         Kept {
             last_seq: self.pictures.last_seq(),
             finger: self.finger,
@@ -215,7 +215,7 @@ impl FingerThread {
         }
     }
 
-    /// Does whatever is asked, in order.
+    /// Processes all requests, in order.
     fn obey(&mut self) {
         while let Ok(ask) = self.asked.try_recv() {
             match ask {
@@ -239,7 +239,7 @@ impl FingerThread {
         }
     }
 
-    /// Takes whatever has come in, and keeps the newest.
+    /// Takes all received images and keeps the newest.
     fn take_all(&mut self) {
         loop {
             let taken = self.pictures.take();
@@ -294,7 +294,7 @@ impl FingerThread {
             }
         };
         let Some(report) = report else { return };
-        // Asked once: whoever looks on gets all that is said of a picture, or nothing.
+        // Read once, so that subscribers receive all messages for an image, or none.
         match self.shared.publishes.load(Ordering::Relaxed) {
             true => self.publish(header, &report),
             false => self.tell(FingerEvent::Report(Box::new(report))),
@@ -323,6 +323,6 @@ impl FingerThread {
     }
 
     fn tell(&self, told: FingerEvent) {
-        let _ = self.hand.send((self.place, told)); // the node is ending: nobody listens
+        let _ = self.hand.send((self.place, told)); // the node is ending: no receiver is left
     }
 }

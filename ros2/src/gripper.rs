@@ -1,12 +1,12 @@
-//! A gripper that is a node of its own, by a pair of topics.
+//! A gripper that is a separate node, by a pair of topics.
 //!
 //! ```text
 //!   control loop --command--> BASE/command  slipbound_msgs/GripCommand   reliable, the last one
 //!                <--poll----- BASE/state    slipbound_msgs/GripperState  10 Hz or more; 0.3 s of silence is a fault
 //! ```
 //!
-//! A state that stays away is a lost link: the loop pauses the wrist and commands nothing, so the gripper keeps its force.
-//! The node at the other end must keep it, too, when it hears nothing.
+//! Missing states mean a lost link: the loop pauses the wrist and commands nothing, so the gripper keeps its force. The
+//! node at the other end must also keep it when it receives nothing.
 
 use crate::error::Error;
 use crate::heard::Heard;
@@ -37,7 +37,7 @@ impl TopicGripper {
     }
 }
 
-/// A force that a gripper can take, N; what is none is refused.
+/// A force that a gripper can exert, N; invalid numbers are rejected.
 pub(crate) fn checked_force_n(force_n: f64) -> Result<f64, GripperError> {
     match force_n.is_finite() && force_n >= 0.0 {
         true => Ok(force_n),
@@ -81,7 +81,7 @@ impl Gripper for TopicGripper {
     }
 }
 
-/// The state as the loop takes it; what is not a number is not known.
+/// The state in the loop's type; NaN and infinity count as unknown.
 fn state(now_ns: u64, message: &GripperStateMessage) -> GripperState {
     let known = |value: f64| value.is_finite().then_some(value);
     GripperState {

@@ -1,15 +1,16 @@
-//! A gripper behind a `control_msgs/action/GripperCommand` server, as `ros2_control` has it, with the joint's state beside it.
+//! A gripper behind a `control_msgs/action/GripperCommand` server, as in `ros2_control`, with the joint's state beside
+//! it.
 //!
 //! ```text
 //!   control loop --command--> goal { position, max_effort: N per finger }   when the force or the direction changes,
-//!                                                                           and where nobody knows whether the last one holds
+//!                                                                           and when the active goal is unknown
 //!                <--poll----- /joint_states: position, effort               10 Hz or more; 0.3 s of silence is a fault
 //! ```
 //!
-//! The server says nothing between two goals, so the joint's state is the sign of life. A server that takes no goal within
-//! half a second, or refuses it, is a fault; the gripper keeps the force it has, and the goal is sent again. While a goal waits
-//! for its answer the next one waits, too, and only the newest. After a goal without an answer, or a silence, nobody knows what
-//! holds: no target is told, and the goal is sent again whatever was taken before.
+//! The server is silent between two goals, so the joint's state is the heartbeat. A server that does not accept a goal
+//! within half a second, or rejects it, is a fault; the gripper keeps its force, and the goal is sent again. While a
+//! goal waits for its answer only the newest further goal is queued. After a goal without an answer, or a silence, the
+//! active goal is unknown: no target is reported, and the goal is sent again whatever was accepted before.
 
 use crate::error::Error;
 use crate::gripper::checked_force_n;
@@ -24,23 +25,23 @@ use slipbound::port::{DriverEvent, GripCommand, Gripper, GripperError, GripperEr
 use slipbound::setting::SettingError;
 use slipbound_rig::link::now_ns;
 
-/// Longest wait for a goal to be taken, ns.
+/// Longest wait for a goal to be accepted, ns.
 const ANSWER_NS: u64 = 500_000_000;
 
-/// Time after which a goal that nobody answers is told again, ns: sooner than the loop takes a fault for past.
+/// Time after which an unanswered goal is reported again, ns: sooner than the loop clears a fault.
 const TOLD_AGAIN_NS: u64 = 250_000_000;
 
-/// Time in which the joint may not move for the jaws to stand still, ns.
+/// Time without motion after which the jaws count as standing still, ns.
 const STILL_NS: u64 = 200_000_000;
 
-/// What counts as no motion, and as at the end of the way: a share of the way.
+/// Motion that counts as none, and distance that counts as at the end of travel: a share of the travel.
 const STILL_FRACTION: f64 = 0.005;
 const END_FRACTION: f64 = 0.02;
 
 /// Two efforts closer than this are the same goal, N.
 const SAME_N: f64 = 1e-3;
 
-/// Where the gripper is and what its numbers mean.
+/// Names of the gripper's action and joint, and the meaning of its numbers.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActionGripperConfig {
@@ -57,13 +58,13 @@ pub struct ActionGripperConfig {
     pub open_position: f64,
     /// Distance between the open fingertips, mm; it is taken to be proportional to the position.
     pub opening_mm: f64,
-    /// Whether the effort that the joint reports is N per finger: then it is taken for the force.
+    /// Whether the effort that the joint reports is N per finger: then it is used as the force.
     #[serde(default)]
     pub effort_is_force: bool,
 }
 
 impl ActionGripperConfig {
-    /// Refuses numbers that are none, and jaws whose way has no length.
+    /// Rejects invalid numbers, and jaws without travel.
     fn check(&self) -> Result<(), SettingError> {
         let refuse = |key: &str, expected: &str, got: f64| {
             Err(SettingError { key: key.into(), expected: expected.into(), got: got.to_string() })
@@ -86,7 +87,7 @@ fn joint_states() -> String {
     "/joint_states".into()
 }
 
-/// What the jaws were told.
+/// A command to the jaws.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Goal {
     is_hold: bool,
@@ -105,20 +106,20 @@ pub struct ActionGripper {
     client: ActionClient<GripperCommandGoal, GripperCommandResult, GripperCommandResult>,
     joints: Inbox<JointState>,
     heard: Heard,
-    /// Sent, not yet taken: the request, what it asks for, when it was sent.
+    /// Sent, not yet accepted: the request, its goal, the time it was sent.
     pending: Option<(RmwRequestId, Goal, u64)>,
-    /// The newest one that was asked for meanwhile.
+    /// The newest goal requested meanwhile.
     next: Option<Goal>,
     taken: Option<Goal>,
-    /// Whether what was taken last still holds: not after a silence, or a goal that may be on without an answer.
+    /// Whether the last accepted goal is certain to hold: not after a silence, nor after a goal without an answer.
     is_sure: bool,
-    /// When it was told last that goals are not answered, ns; None once one is.
+    /// When the missing answer was last reported, ns; None once a goal is answered.
     unanswered_ns: Option<u64>,
-    /// The last failure of a goal, told once.
+    /// The last failure of a goal, reported once.
     fault: Option<GripperError>,
     position: f64,
     effort: Option<f64>,
-    /// Where it stands, and since when, ns.
+    /// Where the joint stands, and since when, ns.
     still: Option<(f64, u64)>,
     /// Whether the last command was to open.
     opens: bool,
@@ -167,9 +168,9 @@ impl ActionGripper {
     }
 
     fn hear_joint(&mut self, now_ns: u64) {
-        // Whoever is heard after a silence may have begun anew.
+        // A server that returns after a silence may have restarted.
         self.is_sure &= !self.heard.is_silent(now_ns);
-        // Several nodes may share the topic: each message may hold other joints.
+        // Several nodes may share the topic: each message may contain other joints.
         while let Ok(Some(received)) = self.joints.take() {
             let joints = received.message;
             let Some(at) = joints.name.iter().position(|name| *name == self.config.joint) else { continue };
@@ -204,7 +205,7 @@ impl ActionGripper {
             Err(e) => self.doubt(goal, GripperError::new(GripperErrorKind::Link, e.to_string()), now_ns),
         }
         self.pending = None;
-        // Nobody may be there any more: then the loop asks again.
+        // The server may be gone: then the loop sends the command again.
         if let Some(next) = self.next.take().filter(|next| !self.heard.is_silent(now_ns) && !self.holds(next))
             && let Err(e) = self.send(next, now_ns)
         {
@@ -212,16 +213,17 @@ impl ActionGripper {
         }
     }
 
-    /// The jaws do this from now on.
+    /// The jaws execute this goal from now on.
     fn take(&mut self, goal: Goal, now_ns: u64) {
-        // The jaws stood until now: that they stand says nothing yet of what they hold.
+        // The jaws stood still until now, which says nothing yet about a held object.
         if self.taken.is_none_or(|taken| taken.is_hold != goal.is_hold) {
             self.still = Some((self.position, now_ns));
         }
         self.taken = Some(goal);
     }
 
-    /// Nobody knows whether the jaws do this. Those that may be closing are taken to: then the loop goes on asking.
+    /// It is unknown whether the jaws execute this goal. If they may be closing, it is assumed: then the loop continues
+    /// to ask.
     fn doubt(&mut self, goal: Goal, fault: GripperError, now_ns: u64) {
         if goal.is_hold && self.taken.is_none_or(|taken| !taken.is_hold) {
             self.take(goal, now_ns);
@@ -234,7 +236,7 @@ impl ActionGripper {
         GripperError::new(GripperErrorKind::Unanswered, text)
     }
 
-    /// Whether the jaws are known to do this already.
+    /// Whether the jaws are known to execute this goal already.
     fn holds(&self, goal: &Goal) -> bool {
         self.is_sure && self.taken.is_some_and(|taken| taken.is_like(goal))
     }
@@ -253,12 +255,12 @@ impl ActionGripper {
         let stands = self.still.is_some_and(|(_, since_ns)| now_ns.saturating_sub(since_ns) >= STILL_NS);
         match self.taken {
             Some(goal) if goal.is_hold => match () {
-                // Open, as it was told to, whether that was answered or not.
+                // Open, as commanded, with or without an answer.
                 _ if self.opens && from_closed >= 1.0 - END_FRACTION => Jaws::Open,
-                // Shut, or wide open although nobody told it so: what it held is gone.
+                // Closed, or wide open without a command: the held object is gone.
                 _ if self.has_held && (from_closed <= END_FRACTION || from_closed >= 1.0 - END_FRACTION) => Jaws::Lost,
                 _ if from_closed <= END_FRACTION => Jaws::Nothing,
-                // It goes on holding while the force changes, also where the joint gives a little.
+                // It continues to hold while the force changes, also where the joint yields a little.
                 _ if self.has_held || (stands && from_closed < 1.0 - END_FRACTION) => Jaws::Holding,
                 _ => Jaws::Closing,
             },
@@ -273,7 +275,7 @@ impl Gripper for ActionGripper {
     fn command(&mut self, command: GripCommand) -> Result<(), GripperError> {
         let goal = match command {
             GripCommand::Hold { force_n } => Goal { is_hold: true, effort_n: checked_force_n(force_n)? },
-            // Nothing is in the way of the jaws: whatever effort they have.
+            // Nothing blocks the jaws: any effort will do.
             GripCommand::Release => Goal { is_hold: false, effort_n: 0.0 },
         };
         self.poll_io();
@@ -281,7 +283,7 @@ impl Gripper for ActionGripper {
         self.heard.check(now_ns).map_err(|why| GripperError::new(GripperErrorKind::Link, why))?;
         (self.opens, self.has_held) = (!goal.is_hold, self.has_held && goal.is_hold);
         match self.pending {
-            // One goal at a time: a server that is asked anew in every cycle would never be late.
+            // One goal at a time: with a new request in every cycle a slow server would never be detected.
             Some((_, pending, _)) => self.next = Some(goal).filter(|goal| !pending.is_like(goal)),
             None if self.holds(&goal) => {}
             None => self.send(goal, now_ns)?,

@@ -1,11 +1,11 @@
-//! Whether the node at the other end still says something.
+//! Whether the node at the other end is still publishing.
 
 use slipbound::port::DriverEvent;
 
-/// Longest time without a state, ns: longer than that the link is lost.
+/// Longest time without a state, ns: beyond it the link is lost.
 pub const SILENCE_NS: u64 = 300_000_000;
 
-/// When a node was heard last.
+/// Time of the last message of a node.
 #[derive(Debug)]
 pub struct Heard {
     topic: String,
@@ -15,12 +15,12 @@ pub struct Heard {
 }
 
 impl Heard {
-    /// Of this topic nothing was heard yet.
+    /// Nothing received on this topic yet.
     pub fn new(topic: &str) -> Self {
         Heard { topic: topic.into(), last_ns: None, is_linked: false, events: Vec::new() }
     }
 
-    /// A state has come.
+    /// A state was received.
     pub fn heard(&mut self, now_ns: u64) {
         self.last_ns = Some(now_ns);
         if !std::mem::replace(&mut self.is_linked, true) {
@@ -28,12 +28,12 @@ impl Heard {
         }
     }
 
-    /// Whether nothing was heard for too long.
+    /// Whether nothing was received for too long.
     pub fn is_silent(&self, now_ns: u64) -> bool {
         self.last_ns.is_none_or(|last_ns| now_ns.saturating_sub(last_ns) > SILENCE_NS)
     }
 
-    /// What is wrong with the link, if something is.
+    /// The error of the link, if there is one.
     pub fn check(&mut self, now_ns: u64) -> Result<(), String> {
         let expected = format!("{}: expected a state every {} ms, got", self.topic, SILENCE_NS / 1_000_000);
         let why = match self.last_ns {

@@ -1,15 +1,15 @@
-//! Slipbound in ROS 2, without a ROS installation: RustDDS speaks to what others run.
+//! Slipbound in ROS 2, without a ROS installation: RustDDS communicates with ROS 2 nodes.
 //!
 //! | what | where |
 //! |---|---|
-//! | the node: pictures in, reports, wrenches, overlays, diagnostics out | [`node`] |
-//! | its states, and what leads from one to another | [`lifecycle`] |
+//! | the node: images in, reports, wrenches, overlays, diagnostics out | [`node`] |
+//! | its states and transitions | [`lifecycle`] |
 //! | its parameters | [`config`] |
-//! | a gripper and a wrist that are nodes of their own, for the library's control loop | [`gripper`], [`gripper_action`], [`wrist`] |
+//! | gripper and wrist as separate nodes, for the library's control loop | [`gripper`], [`gripper_action`], [`wrist`] |
 //! | the messages | [`msg`] |
 //! | topics and services by name | [`ros`] |
 //!
-//! `docs/ros2.md` says how to use it, what was tried and what is not supported.
+//! `docs/ros2.md` explains how to use it, what was tested and what is not supported.
 
 pub mod config;
 pub mod error;

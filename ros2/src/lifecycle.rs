@@ -1,4 +1,4 @@
-//! The states of a managed node and what leads from one to another, with the numbers and words of ROS 2. Knows no network.
+//! States and transitions of a managed node, with the numbers and labels of ROS 2. Independent of the network.
 //!
 //! ```text
 //!   unconfigured --configure--> (configuring) --success--> inactive --activate--> (activating) --> active
@@ -8,7 +8,7 @@
 //!   unconfigured, inactive, active --shutdown--> (shuttingdown) --> finalized
 //! ```
 //!
-//! States in brackets are passed through: of these only `configuring` lasts.
+//! States in brackets are transient: only `configuring` takes time.
 
 use State::{
     Activating, Active, CleaningUp, Configuring, Deactivating, Finalized, Inactive, ShuttingDown, Unconfigured,
@@ -20,7 +20,7 @@ pub enum State {
     /// No rest frame is known.
     #[default]
     Unconfigured = 1,
-    /// Pictures are judged, reports are not published.
+    /// Images are judged, reports are not published.
     Inactive = 2,
     /// Reports are published.
     Active = 3,
@@ -48,7 +48,7 @@ impl State {
         self as u8
     }
 
-    /// Its word.
+    /// Its label.
     pub fn label(self) -> &'static str {
         match self {
             Unconfigured => "unconfigured",
@@ -69,16 +69,16 @@ impl State {
     }
 }
 
-/// A way from one state to another.
+/// A transition from one state to another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Transition {
     /// Its number, that of `lifecycle_msgs/Transition`.
     pub id: u8,
-    /// Its word; several transitions may share one.
+    /// Its label; several transitions may share one.
     pub label: &'static str,
-    /// From here.
+    /// Start state.
     pub start: State,
-    /// To here.
+    /// Goal state.
     pub goal: State,
 }
 
@@ -89,7 +89,7 @@ const fn way(id: u8, label: &'static str, start: State, goal: State) -> Transiti
 const SUCCESS: &str = "transition_success";
 const FAILURE: &str = "transition_failure";
 
-/// What may be asked for.
+/// Transitions that may be requested.
 const REQUESTS: [Transition; 7] = [
     way(1, "configure", Unconfigured, Configuring),
     way(2, "cleanup", Inactive, CleaningUp),
@@ -100,7 +100,7 @@ const REQUESTS: [Transition; 7] = [
     way(7, "shutdown", Active, ShuttingDown),
 ];
 
-/// How that ends: here nothing but `configure` can fail.
+/// How they end: here only `configure` can fail.
 const ENDS: [Transition; 6] = [
     way(10, SUCCESS, Configuring, Inactive),
     way(11, FAILURE, Configuring, Unconfigured),
@@ -117,24 +117,24 @@ pub struct Lifecycle {
 }
 
 impl Lifecycle {
-    /// Where it is.
+    /// The present state.
     pub fn state(&self) -> State {
         self.state
     }
 
-    /// Every transition there is.
+    /// Every transition.
     pub fn graph() -> impl Iterator<Item = Transition> {
         REQUESTS.into_iter().chain(ENDS)
     }
 
-    /// The transitions that begin where it is.
+    /// The transitions that begin in the present state.
     pub fn available(&self) -> impl Iterator<Item = Transition> {
         let state = self.state;
         Lifecycle::graph().filter(move |transition| transition.start == state)
     }
 
-    /// Begins the transition that is asked for: by its label, or by its number where that is empty. None, and nothing
-    /// changes, where the state does not allow it.
+    /// Begins the requested transition: by its label, or by its number if that is empty. None, without any change, if
+    /// the state does not allow it.
     pub fn request(&mut self, id: u8, label: &str) -> Option<Transition> {
         let is_meant = |way: &&Transition| if label.is_empty() { way.id == id } else { way.label == label };
         let begun = REQUESTS.iter().filter(is_meant).find(|way| way.start == self.state)?;
@@ -142,7 +142,8 @@ impl Lifecycle {
         Some(*begun)
     }
 
-    /// Ends the transition that is under way, well or not. None, and nothing changes, where none is or it cannot end so.
+    /// Ends the transition in progress, successfully or not. None, without any change, if there is none or it cannot
+    /// end so.
     pub fn end(&mut self, is_well: bool) -> Option<Transition> {
         let word = if is_well { SUCCESS } else { FAILURE };
         let ended = ENDS.iter().find(|way| way.start == self.state && way.label == word)?;
@@ -155,7 +156,7 @@ impl Lifecycle {
 mod tests {
     use super::*;
 
-    /// By number or label, where it is allowed and where it leads when it ends well.
+    /// By number or label, where it is allowed and where it leads on success.
     const TABLE: [(u8, &str, State, State); 7] = [
         (1, "configure", Unconfigured, Inactive),
         (2, "cleanup", Inactive, Unconfigured),

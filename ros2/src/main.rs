@@ -1,4 +1,4 @@
-//! The command `slipbound-ros2`: the node, and what it takes to try and measure it without hardware.
+//! The command `slipbound-ros2`: the node, and tools to try and measure it without hardware.
 
 mod commands;
 

@@ -10,7 +10,7 @@ use crate::ros::{LATCHED, RELIABLE, Ros, unix_ns};
 use ros2_client::service::RmwRequestId;
 use ros2_client::{Message, Publisher, Server};
 
-/// Where the state is told, asked for and changed.
+/// Topics and services that publish, report and change the state.
 pub struct Managed {
     states: Publisher<LifecycleState>,
     events: Publisher<TransitionEvent>,
@@ -36,17 +36,17 @@ impl Managed {
         })
     }
 
-    /// Says where the node is.
+    /// Publishes the state.
     pub fn say(&self, state: State) {
         let _ = self.states.publish(state.into()); // also answered on request, and in the diagnostics
     }
 
-    /// Says what has happened.
+    /// Publishes a transition.
     pub fn tell(&self, transition: Transition) {
-        let _ = self.events.publish(TransitionEvent::of(transition, unix_ns())); // the state is told apart from it
+        let _ = self.events.publish(TransitionEvent::of(transition, unix_ns())); // the state is published separately
     }
 
-    /// The next transition that is asked for.
+    /// The next requested transition.
     pub fn request(&self) -> Option<(RmwRequestId, LifecycleTransition)> {
         let (id, request) = self.change_state.receive_request().ok()??;
         Some((id, request.transition))
@@ -54,10 +54,10 @@ impl Managed {
 
     /// Answers a request for a transition.
     pub fn done(&self, id: RmwRequestId, success: bool) {
-        let _ = self.change_state.send_response(id, ChangeStateResponse { success }); // who asked is gone
+        let _ = self.change_state.send_response(id, ChangeStateResponse { success }); // the client may be gone
     }
 
-    /// Answers whatever is asked about the state.
+    /// Answers all requests for the state.
     pub fn answer(&self, lifecycle: &Lifecycle) {
         answer(&self.get_state, || GetStateResponse { current_state: lifecycle.state().into() });
         answer(&self.get_available_states, || GetAvailableStatesResponse {
@@ -74,6 +74,6 @@ impl Managed {
 
 fn answer<Response: Message + 'static>(server: &Server<Empty, Response>, response: impl Fn() -> Response) {
     while let Ok(Some((id, _))) = server.receive_request() {
-        let _ = server.send_response(id, response()); // who asked is gone
+        let _ = server.send_response(id, response()); // the client may be gone
     }
 }

@@ -1,4 +1,4 @@
-//! Messages as they go over the wire: each struct has the fields of its `.msg` file in their order, so that serde's CDR is
+//! Messages as sent over the wire: each struct has the fields of its `.msg` file in their order, so that serde's CDR is
 //! what ROS 2 expects. `tests/messages.rs` compares those of `slipbound_msgs` with the files.
 
 mod device;
@@ -20,7 +20,7 @@ pub use standard::{
     JointState, KeyValue, Time, TriggerResponse, Vector3, Wrench, WrenchStamped,
 };
 
-/// A message that has a topic type of its own.
+/// A message with a topic type.
 pub trait TopicType: ros2_client::Message + Clone + Send + 'static {
     /// The package it is from.
     const PACKAGE: &'static str;
@@ -28,7 +28,7 @@ pub trait TopicType: ros2_client::Message + Clone + Send + 'static {
     const NAME: &'static str;
 }
 
-/// Says which topic type a struct is.
+/// Defines the topic type of a struct.
 macro_rules! topic_types {
     ($($package:literal / $($message:ident)+;)+) => {$($(
         impl ros2_client::Message for $message {}

@@ -1,4 +1,4 @@
-//! The node `slipbound`: a thread a finger, and this one for the hand, the services and the diagnostics.
+//! The node `slipbound`: one thread per finger, and this one for the hand, the services and the diagnostics.
 
 mod states;
 
@@ -23,22 +23,22 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-/// For how long the report of one finger waits for those of the others, ns.
+/// Longest time for which the report of one finger waits for those of the others, ns.
 const LONGEST_WAIT_NS: u64 = 25_000_000;
 
-/// Longest time between two reports of the hand once it is active, ns: without pictures they say that it is blind.
+/// Longest time between two reports of the hand once it is active, ns: without images they report that it is blind.
 const LONGEST_SILENCE_NS: u64 = 100_000_000;
 
 /// Time between two diagnostics, ns.
 const DIAGNOSTICS_NS: u64 = 1_000_000_000;
 
-/// For how long a force that a gripper told counts, ns.
+/// Age up to which a force reported by a gripper is used, ns.
 const GRIP_AGE_NS: u64 = 500_000_000;
 
-/// Time between two looks at services and topics.
+/// Polling period of services and topics.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// What the node is on the network.
+/// The node's connections to the network.
 struct Joined {
     ros: Ros,
     returns: Returns,
@@ -81,13 +81,13 @@ pub struct SlipNode {
     tare: Option<Tare>,
     gripped_ns: u64,
     lifecycle: Lifecycle,
-    /// Whether it is to configure and activate itself: until it has, or until somebody asks for a transition.
+    /// Whether it is to configure and activate itself: until it has, or until a transition is requested.
     starts_itself: bool,
     /// When the first rest frame was found, ns.
     rest_since_ns: Option<u64>,
-    /// Who asked for the transition under way, and when, ns.
+    /// The request of the transition in progress, and its time, ns.
     asked: Option<(RmwRequestId, u64)>,
-    /// How often the fingers were asked to forget their rest frames.
+    /// Number of requests to the fingers to forget their rest frames.
     forgotten_count: u64,
 }
 
@@ -137,7 +137,7 @@ impl SlipNode {
         Ok(node)
     }
 
-    /// Starts the threads of the fingers, on the network as it is joined.
+    /// Starts the threads of the fingers on the present network connection.
     fn spawn(&mut self, fingers: Vec<Kept>) -> Result<(), Error> {
         self.shared = Arc::new(Shared { publishes: self.publishes().into(), ..Shared::default() });
         let (to_hand, told) = channel();
@@ -157,8 +157,8 @@ impl SlipNode {
         Ok(())
     }
 
-    /// Joins the network anew. The state stays, fingers keep their rest frames and everything they know; a tare under way is
-    /// forgotten.
+    /// Joins the network again. The state is kept, fingers keep their rest frames and everything they know; a tare in
+    /// progress is dropped.
     fn rejoin(&mut self) -> Result<(), Error> {
         let joined = Joined::new(&self.config)?;
         self.shared.stop.store(true, Ordering::Relaxed);
@@ -166,7 +166,7 @@ impl SlipNode {
         let mut kept = Vec::new();
         for (finger, config) in self.fingers.iter_mut().zip(&self.config.fingers) {
             let ended = finger.thread.take().and_then(|thread| thread.join().ok());
-            // One that has broken down begins anew.
+            // A finger whose thread has panicked starts again.
             let is_whole = ended.is_some();
             let anew = || Kept::new(config, &self.config.settings, looks, self.forgotten_count);
             kept.push(ended.unwrap_or_else(anew));
@@ -182,8 +182,8 @@ impl SlipNode {
         self.spawn(kept)
     }
 
-    /// Runs until `stop` is set, it is shut down by a service, every finger's thread has broken down, or the network cannot be
-    /// joined anew.
+    /// Runs until `stop` is set, a service shuts it down, every finger's thread has panicked, or the network cannot be
+    /// joined again.
     pub fn run(mut self, stop: &AtomicBool) -> Result<(), Error> {
         while !stop.load(Ordering::Relaxed) {
             match self.told.recv_timeout(LOOK) {
@@ -215,14 +215,14 @@ impl SlipNode {
         match told {
             FingerEvent::Report(report) => {
                 if !self.fingers[finger].has_rest {
-                    return; // it rests on what is forgotten by now
+                    return; // it is based on a state that was forgotten
                 }
                 self.hand.see(finger, &report);
                 self.is_fresh[finger] = true;
                 self.fresh_since_ns.get_or_insert_with(now_ns);
             }
             FingerEvent::AtRest(forgotten_count) => {
-                // A rest frame found before it heard that it should forget it does not count.
+                // A rest frame found before the finger received the request to forget it does not count.
                 self.fingers[finger].has_rest |= forgotten_count == self.forgotten_count;
                 self.rest_since_ns.get_or_insert_with(now_ns);
                 self.settle();
@@ -235,8 +235,8 @@ impl SlipNode {
         }
     }
 
-    /// Reports the hand when all fingers have reported, or have been waited for. What is not published is reported all the
-    /// same, to keep the hand's sense of time.
+    /// Reports the hand when all fingers have reported, or the wait is over. The report is made even if it is not
+    /// published, to keep the hand's time up to date.
     fn report_hand(&mut self) {
         let now_ns = now_ns();
         let waited = self.fresh_since_ns.is_some_and(|since_ns| now_ns - since_ns >= LONGEST_WAIT_NS);
@@ -246,7 +246,7 @@ impl SlipNode {
             return;
         }
         for (place, fresh) in self.is_fresh.iter_mut().enumerate() {
-            // Who has only missed its turn is not blind: the hand knows how old a frame may be.
+            // A finger that has only missed its turn is not blind: the hand knows how old a frame may be.
             if !std::mem::take(fresh) && is_silent {
                 self.hand.missed(place);
             }
@@ -254,7 +254,7 @@ impl SlipNode {
         (self.fresh_since_ns, self.hand_reported_ns) = (None, now_ns);
         let report = self.hand.report(now_ns);
         if self.publishes() {
-            // A reader that does not keep up loses reports; the next one is newer.
+            // A slow reader loses reports; the next one is newer.
             let _ = self.joined.hand_reports.publish(HandReport::of(&self.config.hand_frame, &report));
         }
     }
@@ -284,14 +284,14 @@ impl SlipNode {
             let names = self.fingers.iter().map(|finger| finger.name.clone()).collect();
             self.tare = Some(Tare::new(id, names, now_ns()));
             for finger in &self.fingers {
-                let _ = finger.asks.send(Ask::Tare); // a thread that has broken down does not answer: that is told
+                let _ = finger.asks.send(Ask::Tare); // a panicked thread does not answer: that is reported
             }
         }
         for finger in self.tare.as_mut().map(|tare| tare.stop(now_ns())).unwrap_or_default() {
             let _ = self.fingers[finger].asks.send(Ask::StopTare);
         }
         if let Some((id, answer)) = self.tare.as_ref().and_then(|tare| tare.answer(now_ns())) {
-            let _ = self.joined.tare_service.send_response(id, answer); // who asked is gone
+            let _ = self.joined.tare_service.send_response(id, answer); // the client may be gone
             self.tare = None;
         }
     }
@@ -313,7 +313,7 @@ impl SlipNode {
     }
 }
 
-/// A hand that has seen nothing.
+/// A hand without any report.
 fn hand(config: &Config) -> Result<Hand, Error> {
     let mountings: Vec<Mounting> = config.fingers.iter().map(|f| f.finger.mounting).collect();
     Ok(Hand::new(&mountings)?)
@@ -323,7 +323,7 @@ impl Drop for SlipNode {
     fn drop(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         for thread in self.fingers.iter_mut().filter_map(|finger| finger.thread.take()) {
-            let _ = thread.join(); // it has broken down: that was said when it did
+            let _ = thread.join(); // it has panicked: that was reported then
         }
     }
 }
@@ -343,7 +343,7 @@ mod tests {
         let domain_id = (1 + std::process::id() % 88).to_string();
         let config = crate::config::load(&folder.path().join("node.toml"), Some(&domain_id)).expect("valid");
         let mut node = SlipNode::start(&config).expect("joins");
-        // As when every thread has dropped its end.
+        // The same as when every thread has dropped its end.
         node.told = channel().1;
         let error = node.run(&AtomicBool::new(false)).expect_err("nobody judges");
         assert!(!error.is_argument() && error.to_string().contains("broken down"), "{error}");

@@ -1,4 +1,4 @@
-//! Pictures of what was found, drawn on a thread of their own so that no report waits for them.
+//! Overlay images, drawn on a separate thread so that no report waits for them.
 
 use crate::msg::{CompressedImage, Header};
 use jpeg_encoder::{ColorType, Encoder};
@@ -10,10 +10,11 @@ use slipbound_rig::overlay::Overlay;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 
-/// Largest JPEG, bytes: with its header it fits into one UDP datagram's worth of fragments that best effort seldom loses.
+/// Largest JPEG, bytes: with its header it fits into one UDP datagram's worth of fragments that best effort seldom
+/// loses.
 pub const MOST_BYTES: usize = 64_000;
 
-/// Qualities tried in turn, then again at half the size.
+/// Qualities tried in order, then again at half the size.
 const QUALITIES: [u8; 4] = [80, 60, 40, 25];
 
 struct Job {
@@ -23,7 +24,7 @@ struct Job {
     monitor: SlipMonitor,
 }
 
-/// Draws the newest picture whenever it is free.
+/// Draws the newest image whenever it is free.
 pub struct OverlayThread {
     to: SyncSender<Box<Job>>,
     free: Receiver<()>,
@@ -52,7 +53,7 @@ impl OverlayThread {
         OverlayThread { to, free }
     }
 
-    /// Shows a picture that has just been judged, if the last one has been drawn.
+    /// Shows an image that has just been judged, if the last one has been drawn.
     pub fn show(&mut self, header: Header, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) {
         if self.free.try_recv().is_ok() {
             let job = Job { header, frame: frame.clone(), report: *report, monitor: monitor.clone() };
@@ -61,7 +62,7 @@ impl OverlayThread {
     }
 }
 
-/// A JPEG of at most [`MOST_BYTES`]; None where that cannot be.
+/// A JPEG of at most [`MOST_BYTES`]; None if that is impossible.
 pub fn encode(mut rgb: Vec<u8>, mut size: SizePx) -> Option<Vec<u8>> {
     while size.width > 0 && size.height > 0 {
         for quality in QUALITIES {
@@ -98,7 +99,7 @@ mod tests {
     use super::*;
     use slipbound_rig::source::decode_image;
 
-    /// Noise is the worst that a JPEG can be asked for.
+    /// Noise is the worst case for JPEG.
     #[test]
     fn noise_is_halved_until_it_fits() {
         let size = SizePx::new(1280, 720);

@@ -1,11 +1,11 @@
-//! Pictures as messages to pictures as the library takes them.
+//! Image messages -> frames of the library.
 
 use crate::msg::{CompressedImage, Header, Image};
 use slipbound::image::SizePx;
 use slipbound::port::{Clock, FrameBuffer, PixelFormat};
 use slipbound_rig::source::decode_image;
 
-/// A picture as it was received.
+/// An image as it was received.
 #[derive(Debug, Clone)]
 pub enum Picture {
     /// A JPEG or PNG file.
@@ -23,8 +23,8 @@ impl Picture {
         }
     }
 
-    /// Decodes it as frame number `seq`; its time is the header's stamp. On a failure, whose text says what is wrong with
-    /// it, number and time are there all the same.
+    /// Decodes it as frame number `seq`; its time is the header's stamp. On a failure, with the reason as text, number
+    /// and time are set all the same.
     pub fn decode(self, seq: u64, into: &mut FrameBuffer) -> Result<(), String> {
         into.seq = seq;
         into.time_ns = self.header().stamp.ns();
@@ -42,12 +42,12 @@ impl Picture {
     }
 }
 
-/// Rows of pixels without the gaps between them, as grey or red, green, blue.
+/// Rows of pixels without gaps, as grey or red, green, blue.
 fn unpack(image: &Image, into: &mut FrameBuffer) -> Result<(), String> {
     let (format, swaps) = match image.encoding.as_str() {
         "mono8" | "8UC1" => (PixelFormat::Gray, false),
         "rgb8" => (PixelFormat::Rgb, false),
-        "bgr8" | "8UC3" => (PixelFormat::Rgb, true), // 8UC3 is what OpenCV makes, which is blue first
+        "bgr8" | "8UC3" => (PixelFormat::Rgb, true), // 8UC3 is OpenCV's type, blue first
         other => return Err(format!("expected encoding rgb8, bgr8, mono8, 8UC1 or 8UC3, got `{other}`")),
     };
     let (width, height, step) = (image.width as usize, image.height as usize, image.step as usize);

@@ -1,24 +1,25 @@
-//! Whoever was given up on the network and came back.
+//! Detects participants that were given up on the network and returned.
 //!
-//! RustDDS gives up a participant that is silent for its lease (50 s of its own kind), as when a link is down. When it is back, none of its
-//! readers and writers is matched again (RustDDS 0.15.1): the two see each other and nothing passes. Who joins anew is met as somebody new.
+//! RustDDS gives up a participant that is silent for its lease (50 s for RustDDS itself), as when a link is down. When
+//! it returns, none of its readers and writers is matched again (RustDDS 0.15.1): the two discover each other and no
+//! data passes. A participant that joins again is treated as a new one.
 
 use crate::ros::Ros;
 use rustdds::{DomainParticipantStatusEvent, DomainParticipantStatusListener, LostReason, StatusEvented as _};
 
-/// Looks out for those that come back.
+/// Watches for returning participants.
 pub struct Returns {
     listener: DomainParticipantStatusListener,
     given_up: GivenUp,
 }
 
 impl Returns {
-    /// Looks out as this node.
+    /// Watches as this node.
     pub fn new(ros: &Ros) -> Self {
         Returns { listener: ros.context().domain_participant().status_listener(), given_up: GivenUp::default() }
     }
 
-    /// Whether somebody has come back since the last call.
+    /// Whether a participant has returned since the last call.
     pub fn seen(&mut self) -> bool {
         let mut seen = false;
         while let Some(event) = self.listener.try_recv_status() {

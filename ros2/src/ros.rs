@@ -11,11 +11,11 @@ use rustdds::mio1::{Events, Interest, Poll, Token};
 use serde::Deserialize;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-/// As sensors send: best effort, the last five.
+/// Sensor data: best effort, the last five.
 pub const SENSOR_DATA: QosProfile =
     QosProfile::subscription_default().reliability_best_effort().history(History::KeepLast { depth: 5 });
 
-/// What must arrive: reliable, the last ten. A reader that is slow does not make the writer wait.
+/// Data that must arrive: reliable, the last ten. A slow reader does not block the writer.
 pub const RELIABLE: QosProfile =
     QosProfile::publisher_default().reliability_reliable(WhenFull::Fail).history(History::KeepLast { depth: 10 });
 
@@ -23,7 +23,7 @@ pub const RELIABLE: QosProfile =
 pub const LAST_RELIABLE: QosProfile =
     QosProfile::publisher_default().reliability_reliable(WhenFull::Fail).history(History::KeepLast { depth: 1 });
 
-/// What also those hear who come later: reliable, the last one is kept.
+/// For late joiners: reliable, the last one is kept.
 pub const LATCHED: QosProfile = QosProfile::publisher_default()
     .reliability_reliable(WhenFull::Fail)
     .durability(Durability::TransientLocal)
@@ -62,7 +62,7 @@ pub fn stamp() -> Time {
     Time::from_ns(unix_ns())
 }
 
-/// The full name of a node; the error says which part of it ROS does not take.
+/// The full name of a node; the error names the part that ROS does not accept.
 pub(crate) fn checked_node(namespace: &str, name: &str) -> Result<NodeName, Error> {
     let refuse =
         |key: &str, name: &str, why| Error::Name { key: key.into(), name: name.into(), why: format!("{why:?}") };
@@ -70,7 +70,7 @@ pub(crate) fn checked_node(namespace: &str, name: &str) -> Result<NodeName, Erro
     NodeName::new(namespace, name).map_err(|e| refuse("namespace", namespace, e))
 }
 
-/// The full name of a topic: one that does not begin with `/` is the node's own.
+/// The full name of a topic: one that does not begin with `/` is private to the node.
 pub(crate) fn full_topic(node: &str, topic: &str) -> String {
     if topic.starts_with('/') { topic.to_owned() } else { format!("{node}/{topic}") }
 }
@@ -89,7 +89,7 @@ impl Ros {
         let node_name = checked_node(namespace, name)?;
         let context = Context::with_options(ContextOptions::new().domain_id(domain_id))
             .map_err(|e| Error::middleware(format!("domain {domain_id}"), e))?;
-        // Parameters are those of the file: none can be set while the node runs.
+        // Parameters come from the file: none can be set while the node runs.
         let options = NodeOptions::new().enable_rosout(true).start_parameter_services(false);
         let node = context
             .new_node(node_name.clone(), options)
@@ -110,12 +110,12 @@ impl Ros {
         self.services.into()
     }
 
-    /// The node's full name: what its own topics begin with.
+    /// The node's full name, the prefix of its own topics.
     pub fn full_name(&self) -> &str {
         &self.namespace
     }
 
-    /// The topic `name`; one that does not begin with `/` is the node's own.
+    /// The topic `name`; one that does not begin with `/` is private to the node.
     fn name(&self, name: &str) -> Result<Name, Error> {
         let full = full_topic(&self.namespace, name);
         Name::parse(&full).map_err(|e| Error::Name { key: "topic".into(), name: name.into(), why: format!("{e:?}") })
@@ -160,12 +160,12 @@ impl Ros {
             .map_err(|e| Error::middleware(format!("service {service}"), e))
     }
 
-    /// The node itself, for what is not wrapped here.
+    /// The node itself, for functions not wrapped here.
     pub fn node(&mut self) -> &mut Node {
         &mut self.node
     }
 
-    /// The participant it is part of.
+    /// Its DDS participant.
     pub fn context(&self) -> &Context {
         &self.context
     }
@@ -176,11 +176,11 @@ impl Ros {
 pub struct Received<M> {
     /// What was received.
     pub message: M,
-    /// The writer's running number, from 0; a gap means messages that never arrived. Goes on where another writer begins.
+    /// The writer's sequence number, from 0; a gap means messages that never arrived. It continues with another writer.
     pub seq: u64,
 }
 
-/// What comes in on a topic.
+/// Receives messages on a topic.
 pub struct Inbox<M: TopicType> {
     subscription: Subscription<M>,
     poll: Poll,
@@ -191,27 +191,27 @@ pub struct Inbox<M: TopicType> {
 }
 
 impl<M: TopicType> Inbox<M> {
-    /// Counts on from the number of the last message of an inbox before this one.
+    /// Continues from the number of the last message of a previous inbox.
     pub fn count_from(&mut self, last_seq: i64) {
         self.last_seq = last_seq;
     }
 
-    /// What [`Inbox::count_from`] of the next inbox takes.
+    /// The argument of [`Inbox::count_from`] for the next inbox.
     pub fn last_seq(&self) -> i64 {
         self.last_seq
     }
 
-    /// Waits until something has come in, at most so long. To be called when [`Inbox::take`] has nothing more.
+    /// Waits until something arrives, at most this long. To be called when [`Inbox::take`] has nothing more.
     pub fn wait(&mut self, longest: Duration) {
-        // A signal that interrupts it is as good as nothing that came.
+        // An interrupting signal counts as no message.
         let _ = self.poll.poll(&mut self.events, Some(longest));
     }
 
-    /// The next message; None when there is none. What cannot be read is passed over, with its reason in the error.
+    /// The next message; None when there is none. An unreadable message is skipped, with the reason in the error.
     pub fn take(&mut self) -> Result<Option<Received<M>>, String> {
         let Some((message, info)) = self.subscription.take().map_err(|e| e.to_string())? else { return Ok(None) };
         if self.writer.replace(info.publisher_gid()).is_none_or(|last| last != info.publisher_gid()) {
-            // The first message of a writer: whoever joins late has missed nothing.
+            // The first message of a writer: a late joiner has missed nothing.
             self.offset = self.last_seq + 1 - info.sequence_number();
         }
         self.last_seq = info.sequence_number() + self.offset;
@@ -225,7 +225,7 @@ impl<M: TopicType> Inbox<M> {
             match self.take() {
                 Ok(Some(received)) => newest = Some(received.message),
                 Ok(None) => return newest,
-                Err(_) => {} // it could not be read: it is passed over
+                Err(_) => {} // unreadable: skipped
             }
         }
     }

@@ -1,25 +1,25 @@
-//! What became of a finger's pictures, counted: for the diagnostics.
+//! Counters of a finger's images, for the diagnostics.
 
 use crate::lifecycle::State;
 use crate::msg::{DiagnosticStatus, KeyValue};
 
-/// Latencies beyond this are those of two clocks that do not agree, ns.
+/// Latencies beyond this come from two clocks that do not agree, ns.
 const LATENCY_MOST_NS: u64 = 60_000_000_000;
 
-/// What became of the pictures of one finger.
+/// Counters of the images of one finger.
 #[derive(Debug, Clone, Default)]
 pub struct Tally {
-    /// Pictures received.
+    /// Images received.
     pub received_count: u64,
     /// Reports published.
     pub reports_count: u64,
-    /// Pictures that never arrived, by the gaps in their numbers.
+    /// Images that never arrived, by the gaps in their numbers.
     pub missing_count: u64,
-    /// Pictures that arrived while others were judged, and were passed over for newer ones.
+    /// Images that arrived while others were judged, and were skipped for newer ones.
     pub passed_over_count: u64,
-    /// Pictures that could not be decoded.
+    /// Images that could not be decoded.
     pub torn_count: u64,
-    /// How often the network was joined anew.
+    /// How often the network was joined again.
     pub rejoined_count: u64,
     /// Messages that could not be read, and reports that could not be sent.
     pub failed_count: u64,
@@ -38,14 +38,14 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// A picture has been received.
+    /// An image has been received.
     pub fn received(&mut self, seq: u64) {
         self.received_count += 1;
         self.missing_count += self.next_seq.map_or(0, |next| seq.saturating_sub(next));
         self.next_seq = Some(seq + 1);
     }
 
-    /// A report has been published `now_ns`, of a picture with this stamp, both ns since 1970.
+    /// A report has been published `now_ns`, of an image with this stamp, both ns since 1970.
     pub fn published(&mut self, now_ns: u64, stamp_ns: Option<u64>, state: &str) {
         self.reports_count += 1;
         if self.state != state {
@@ -63,7 +63,7 @@ impl Tally {
         self.last_failure = Some(why);
     }
 
-    /// Pictures that were lost on the way or here.
+    /// Images that were lost in transit or here.
     pub fn lost_count(&self) -> u64 {
         self.missing_count + self.passed_over_count + self.torn_count
     }

@@ -1,12 +1,12 @@
-//! A tare that is going on: asked of every finger, answered when all have.
+//! A tare in progress: requested of every finger, answered when all have finished.
 
 use crate::msg::TriggerResponse;
 use ros2_client::service::RmwRequestId;
 
-/// Longest wait for the fingers, ns: pictures for a rest frame at 5 Hz.
+/// Longest wait for the fingers, ns: enough images for a rest frame at 5 Hz.
 pub const LONGEST_NS: u64 = 4_000_000_000;
 
-/// Longest wait for a finger that is told to stop, ns: one whose thread has broken down does not answer.
+/// Longest wait for a finger that was asked to stop, ns: one whose thread has panicked does not answer.
 const STOP_NS: u64 = 1_000_000_000;
 
 /// Why a tare was stopped.
@@ -14,7 +14,7 @@ pub fn too_few() -> String {
     format!("expected pictures for a rest frame within {} s, got too few", LONGEST_NS / 1_000_000_000)
 }
 
-/// A tare that is going on.
+/// A tare in progress.
 #[derive(Debug)]
 pub struct Tare {
     id: RmwRequestId,
@@ -34,15 +34,14 @@ impl Tare {
         }
     }
 
-    /// A finger has been tared, or not.
+    /// The tare of a finger has succeeded or failed.
     pub fn ended(&mut self, finger: usize, how: Result<(), String>) {
         if let Some((_, ended)) = self.fingers.get_mut(finger) {
             *ended = Some(how);
         }
     }
 
-    /// The fingers to be told to stop, once they have been waited for long enough: what is answered as failed must not take
-    /// effect later.
+    /// The fingers to stop, once the wait is over: a tare that is answered as failed must not take effect later.
     pub fn stop(&mut self, now_ns: u64) -> Vec<usize> {
         if self.is_stopped || now_ns.saturating_sub(self.since_ns) < LONGEST_NS {
             return Vec::new();
@@ -52,7 +51,7 @@ impl Tare {
         open.map(|(finger, _)| finger).collect()
     }
 
-    /// The answer, when every finger has been tared or not, or does not even say that it has stopped.
+    /// The answer, when every finger has succeeded or failed, or has not confirmed that it stopped.
     pub fn answer(&self, now_ns: u64) -> Option<(RmwRequestId, TriggerResponse)> {
         let is_late = now_ns.saturating_sub(self.since_ns) >= LONGEST_NS + STOP_NS;
         if !is_late && self.fingers.iter().any(|(_, ended)| ended.is_none()) {

@@ -3,13 +3,13 @@
 use crate::msg::{Header, Time, Vector3, Wrench, WrenchStamped};
 use slipbound::monitor::SlipReport;
 
-/// The force of the object on the gel, in `frame`: x along the finger, y across it, z into the gel, as in the rectified image
-/// and right-handed.
+/// The force of the object on the gel, in `frame`: x along the finger, y across it, z into the gel, as in the rectified
+/// image and right-handed.
 ///
-/// Its size in the plane is the report's `shear_n`, its direction that in which the gel is dragged. z is the grip force, NaN
-/// where it is not known. The torque is about z through the middle of the contact, not through the origin of `frame`,
-/// positive from x to y; about x and y none is measured, and 0 stands there. None where shear force or torque are not known,
-/// so that nothing stands where a zero could be taken for a measured one.
+/// Its magnitude in the plane is the report's `shear_n`, its direction that in which the gel is dragged. z is the grip
+/// force, NaN if unknown. The torque is about z through the middle of the contact, not through the origin of `frame`,
+/// positive from x to y; torques about x and y are not measured and are 0. None where shear force or torque is unknown,
+/// so that a zero is never mistaken for a measured value.
 pub fn wrench(stamp: Time, frame: &str, report: &SlipReport) -> Option<WrenchStamped> {
     let (shear, torque) = (report.estimates.shear_n?, report.estimates.torque_nmm?);
     let dragged = report.shear?.translation_px;

@@ -1,12 +1,12 @@
-//! A wrist that is a node of its own, by a pair of topics.
+//! A wrist that is a separate node, by a pair of topics.
 //!
 //! ```text
 //!   control loop --command--> BASE/command  slipbound_msgs/WristCommand   reliable, the last one
 //!                <--poll----- BASE/state    slipbound_msgs/WristState     10 Hz or more; 0.3 s of silence is a fault
 //! ```
 //!
-//! A motion lives `time_to_live_ns`, 200 ms at most: the node at the other end must pause by itself when no command has come
-//! for that long, for then this end may be gone.
+//! A motion lasts `time_to_live_ns`, 200 ms at most: the node at the other end must pause by itself when no command has
+//! arrived for that long, because this end may be gone.
 
 use crate::error::Error;
 use crate::heard::Heard;
@@ -39,7 +39,7 @@ impl TopicWrist {
     }
 }
 
-/// The command as a message; a number that cannot be is refused.
+/// The command as a message; an invalid number is rejected.
 fn message(command: WristCommand) -> Result<WristCommandMessage, WristError> {
     let refuse = |key: &str, expected: &str, got: f64| {
         Err(WristError::new(WristErrorKind::Refused, format!("{key}: expected {expected}, got {got}")))
@@ -83,7 +83,7 @@ impl Wrist for TopicWrist {
         let message = message(command)?;
         self.poll_io();
         let lost = |why: String| WristError::new(WristErrorKind::Link, why);
-        // A pause is sent also where nobody seems to listen: silence may be one-sided.
+        // A pause is sent even if nobody seems to listen: the link may fail in one direction only.
         let is_linked = self.heard.check(now_ns()).map_err(lost);
         if command.motion != WristMotion::Pause {
             is_linked?;

@@ -1,4 +1,4 @@
-//! The `.msg` files, the Rust structs and the JSON report say the same: names, order, types.
+//! The `.msg` files, the Rust structs and the JSON report must agree: names, order, types.
 
 use rustdds::serialization::{self, RepresentationIdentifier};
 use serde::Deserialize;
@@ -79,7 +79,7 @@ fn structs() -> BTreeMap<String, Fields> {
     structs
 }
 
-/// The structs that are traced, and those in them.
+/// The traced structs, and those they contain.
 fn structs_of(trace_all: impl Fn(&mut Tracer)) -> BTreeMap<String, Fields> {
     let mut tracer = Tracer::new(TracerConfig::default());
     trace_all(&mut tracer);
@@ -112,7 +112,8 @@ fn the_package_builds_every_file() {
     }
 }
 
-/// A report's keys in the JSON and its fields here, in order; `field` and `lost_ids` are not in every line and not here.
+/// A report's keys in the JSON and its fields here, in order; `field` and `lost_ids` are not in every line and not
+/// here.
 #[test]
 fn fields_are_the_keys_of_the_json_report() {
     let schema: serde_json::Value = serde_json::from_str(include_str!("../../docs/report.schema.json")).expect("JSON");
@@ -162,7 +163,7 @@ fn words_are_constants_of_their_files() {
     let _: fn(msg::Header, &str, u64, &CoreReport) -> msg::SlipReport = msg::SlipReport::of;
 }
 
-/// A report in which everything is known, and every number is another.
+/// A report in which every value is known and different.
 fn full() -> CoreReport {
     let v = |x: f64| Vec2::new(x, x + 0.5);
     let estimate = |value: f64, age_frames| Some(Estimate { value, sd: value / 8.0, age_frames });
@@ -216,7 +217,7 @@ fn full() -> CoreReport {
     }
 }
 
-/// The same with nothing known that need not be.
+/// The same with every optional value unknown.
 fn bare() -> CoreReport {
     let (reason, contact) = (None, ContactReport { area_mm2: None, ..full().contact });
     let slip = SlipSummary { max_mm: None, kind: None, direction_rad: None, ..full().slip };
@@ -225,7 +226,7 @@ fn bare() -> CoreReport {
     CoreReport { time_ns, reason, contact, grip_n, motion, shear, slip, estimates, evidence, ..full() }
 }
 
-/// Whether a message says that it is not known.
+/// Whether a message value means "unknown".
 fn says_nothing(message: &Value) -> bool {
     match message {
         Value::Null => true,
@@ -277,7 +278,7 @@ fn values_of_a_hand_are_those_of_the_library() {
     }
 }
 
-/// Messages and services of `lifecycle_msgs` as ROS 2 has them, request and answer apart.
+/// Messages and services of `lifecycle_msgs` as in ROS 2, request and answer separate.
 const LIFECYCLE: [(&str, &str); 9] = [
     ("LifecycleState", "uint8 id\nstring label"),
     ("LifecycleTransition", "uint8 id\nstring label"),
@@ -302,7 +303,7 @@ fn lifecycle_structs_are_as_in_lifecycle_msgs() {
     });
     assert_eq!(structs.len(), LIFECYCLE.len());
     for (name, text) in LIFECYCLE {
-        // Two names are longer here, so that they say of what they are.
+        // Two names are longer here, to make clear what they belong to.
         let expected = fields(text).into_iter().map(|(name, kind)| match kind.as_str() {
             "State" | "State[]" | "Transition" => (name, format!("Lifecycle{kind}")),
             _ => (name, kind),
@@ -311,10 +312,10 @@ fn lifecycle_structs_are_as_in_lifecycle_msgs() {
     }
 }
 
-/// How it goes over the wire: the smallest byte of a number first.
+/// Wire format: little-endian.
 const CDR: RepresentationIdentifier = RepresentationIdentifier::CDR_LE;
 
-/// The bytes of XCDR1 written out: numbers at multiples of their size, a string with its length, 0 at its end included.
+/// The bytes of XCDR1 written out: numbers aligned to their size, a string with its length, including the final 0.
 #[test]
 fn lifecycle_messages_are_these_bytes() {
     let mut lifecycle = Lifecycle::default();

@@ -1,4 +1,4 @@
-//! Signs and size of the wrench against what the simulated object exerts on the gel.
+//! Signs and size of the wrench against the simulated force of the object on the gel.
 
 use slipbound::finger_pipeline::RestFinder;
 use slipbound::monitor::{Settings, SlipMonitor};
@@ -8,7 +8,7 @@ use slipbound_lab::world::World;
 use slipbound_ros2::msg::{Time, WrenchStamped};
 use slipbound_ros2::wrench::wrench;
 
-/// The last wrench of a scene that ends in contact, and what the object exerts: force N, torque N mm.
+/// The last wrench of a scene that ends in contact, and the load of the object: force N, torque N mm.
 fn last(scene: &str) -> (WrenchStamped, [f64; 2], f64) {
     let settings = Settings::default();
     let mut world = World::new(&Trial::parse(scene).expect("a scene")).expect("a world");

@@ -63,11 +63,11 @@ def page(results: dict[Case, str]) -> str:
 
 Made by `pytest -p no:cacheprovider tests/foreign --write` ({program}, {versions}). Do not edit.
 
-pymodbus, minimalmodbus, pySerial and pyRobotiqGripper were written by others. `wsg50_client`, `gcl_client` and
+pymodbus, minimalmodbus, pySerial and pyRobotiqGripper are third-party clients. `wsg50_client`, `gcl_client` and
 `robotiq_socket_client` are small clients in `tests/foreign/`, written from the protocols and not from our drivers.
-Each cell is a command, or a few that belong together, sent to an emulator of its own: `ok`, or what was expected and
-what came; empty where it was not tried with that client. What is expected is what the protocol says, whether or not the
-emulator does it. None of this has met a real gripper.
+Each cell is a command, or a few that belong together, sent to a fresh emulator: `ok`, or the expected and the received
+answer; empty where it was not tried with that client. Expected is what the protocol specifies, whether or not the emulator
+does it. None of this was tested on a real gripper.
 
 {text(results)}"""
 

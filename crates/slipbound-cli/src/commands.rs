@@ -1,4 +1,4 @@
-//! One file a command.
+//! One file per command.
 
 pub mod calibrate;
 pub mod convert;
@@ -32,7 +32,7 @@ use crate::help;
 use crate::outcome::{Failure, Outcome};
 use clap::CommandFactory;
 
-/// Runs the command asked for.
+/// Runs the requested command.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     match &args.command {
         Command::Demo(demo) => demo.run(),

@@ -1,4 +1,4 @@
-//! A simulated hand reached as a real one would be: by the drivers of gripper and wrist, through the wire protocols of
+//! A simulated hand reached like a real one: by the drivers of gripper and wrist, through the wire protocols of
 //! emulators that press and move the simulated world. In lock-step here; over sockets in [`crate::loopback`].
 
 use anyhow::{Context, anyhow};
@@ -43,7 +43,7 @@ impl fmt::Display for EmulatedGripper {
 }
 
 impl EmulatedGripper {
-    /// The address of the gripper at a place, HOST:PORT; `width_mm` is the width of the object, a setting that a WSG-50 needs.
+    /// The address of the gripper at HOST:PORT; `width_mm` is the width of the object, a setting that a WSG-50 needs.
     pub fn address(&self, place: &str, width_mm: f64) -> String {
         let scheme = if self.name == "robotiq-rtu" { "robotiq:///dev/" } else { &format!("{}://", self.name) };
         let width = match self.query.contains("part_width_mm=") {
@@ -58,13 +58,13 @@ impl EmulatedGripper {
         gripper::driver(&self.address("emulator:1", width_mm), None).map_err(|e| anyhow!(e))
     }
 
-    /// The emulator, to which these faults happen.
+    /// The emulator with these faults.
     pub fn emulator(&self, faults: &Faults) -> anyhow::Result<Emulator> {
         faulty(&self.name, faults)
     }
 }
 
-/// The emulator of a wrist, to which these faults happen.
+/// The emulator of a wrist with these faults.
 pub fn wrist_emulator(faults: &Faults) -> anyhow::Result<Emulator> {
     faulty("line", faults)
 }
@@ -74,7 +74,7 @@ fn faulty(name: &str, faults: &Faults) -> anyhow::Result<Emulator> {
     Ok(emulator.with_faults(faults.clone()))
 }
 
-/// What goes wrong with the emulators of gripper and wrist.
+/// Faults of the emulators of gripper and wrist.
 #[derive(Debug, Clone, Default)]
 pub struct LinkFaults {
     /// Of the gripper.
@@ -91,7 +91,7 @@ pub struct EmulatedActuators {
 }
 
 impl EmulatedActuators {
-    /// Takes over the jaws and the wrist of a hand that holds something of this width, mm.
+    /// Takes the jaws and the wrist of a hand that holds an object of this width, mm.
     pub fn new(hand: &SimHand, width_mm: f64, emulated: &EmulatedGripper, faults: &LinkFaults) -> anyhow::Result<Self> {
         let mut plant = hand.plant();
         let gripper = Joined::new(emulated.driver(width_mm)?, emulated.emulator(&faults.gripper)?, &mut plant);

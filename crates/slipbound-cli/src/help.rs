@@ -1,4 +1,4 @@
-//! What stands below the options of every command: examples, and the exit codes.
+//! The text below the options of every command: examples, and the exit codes.
 
 use clap::Command;
 
@@ -164,12 +164,12 @@ const EXAMPLES: [(&str, &[(&str, &str)]); 31] = [
     ("man", &[("man -o /usr/local/share/man/man1", "one page for each command")]),
 ];
 
-/// The command and all below it, with examples and exit codes under their help.
+/// The command and all below it, with examples and exit codes in their help.
 pub fn with_examples(command: Command) -> Command {
     below(command.max_term_width(WIDEST), "")
 }
 
-/// `path`: the names of the commands from below the program's own.
+/// `path`: the names of the commands below the program's own.
 fn below(mut command: Command, path: &str) -> Command {
     let names: Vec<String> = command.get_subcommands().map(|c| c.get_name().to_owned()).collect();
     for name in names {
@@ -181,7 +181,7 @@ fn below(mut command: Command, path: &str) -> Command {
     command.after_help(format!("{own}{}{EXIT_CODES}", examples.unwrap_or_default()))
 }
 
-/// Examples as lines, what they do beside them, or above them where that is too wide for a narrow terminal.
+/// Examples as lines, with their purpose beside them, or above them where that is too wide for a narrow terminal.
 fn shown(examples: &[(&str, &str)]) -> String {
     let widest = examples.iter().map(|(line, _)| line.len()).max().unwrap_or(0);
     let is_beside =

@@ -1,10 +1,10 @@
-//! Ctrl-C, Ctrl-\, SIGTERM, a closed terminal: the frame at hand is finished, then the command ends.
+//! Ctrl-C, Ctrl-\, SIGTERM, a closed terminal: the present frame is finished, then the command ends.
 
 use crate::outcome::Failure;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A flag that is set when the user or the system asks for the end. Once a run.
+/// A flag that is set when the user or the system requests the end. Once per run.
 pub fn listen() -> Result<Arc<AtomicBool>, Failure> {
     let flag = Arc::new(AtomicBool::new(false));
     let raised = flag.clone();

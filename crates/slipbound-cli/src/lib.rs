@@ -1,4 +1,4 @@
-//! The command `slipbound` as a function, so that another program can offer it too: `python -m slipbound`, say.
+//! The command `slipbound` as a function, so that another program can offer it too, such as `python -m slipbound`.
 
 mod args;
 mod commands;
@@ -16,19 +16,19 @@ use std::borrow::Cow;
 use std::ffi::OsString;
 use std::io::{self, Write};
 
-/// Does what the arguments ask, the first of which is the program's name, and answers with the exit code: 0 done, 1 failed
-/// on the way, 2 bad arguments, 3 finished, but frames were torn or something could
-/// not be written. Help and usage errors are printed like everything else.
+/// Runs the command given by the arguments, the first of which is the program's name, and returns the exit code: 0
+/// done, 1 failed on the way, 2 bad arguments, 3 finished, but frames were torn or something could not be written. Help
+/// and usage errors are printed like everything else.
 pub fn run<T: Into<OsString> + Clone>(args: impl IntoIterator<Item = T>) -> u8 {
     let args = match parsed(args) {
         Ok(args) => args,
         Err(help) => {
-            // Our own help has colours; a complaint quotes what was given.
+            // Our own help has colours; an error message quotes the input.
             let rendered = help.render().to_string();
             let _ = match terminal::printable(&rendered) {
                 Cow::Borrowed(_) => help.print(),
                 Cow::Owned(text) => write!(io::stderr(), "{text}"),
-            }; // a closed terminal is no failure
+            }; // a closed terminal is not a failure
             return u8::try_from(help.exit_code()).unwrap_or(2);
         }
     };
@@ -40,7 +40,7 @@ pub fn run<T: Into<OsString> + Clone>(args: impl IntoIterator<Item = T>) -> u8 {
     }
 }
 
-/// Every command with its arguments and its help, as clap has it: what completions, manual pages and tests are made of.
+/// Every command with its arguments and its help, as a clap command: the source of completions, manual pages and tests.
 pub fn command() -> Command {
     help::with_examples(args::Args::command())
 }

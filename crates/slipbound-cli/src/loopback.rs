@@ -35,14 +35,14 @@ const PAUSE: Duration = Duration::from_millis(1);
 pub struct WorldFrame {
     /// Of every finger.
     pub frames: Vec<FrameBuffer>,
-    /// What is true.
+    /// The ground truth.
     pub truth: HandTruth,
 }
 
 /// The newest frame of a finger, until it is taken.
 type Slot = Arc<Mutex<Option<FrameBuffer>>>;
 
-/// A finger's source: what the world's thread has sent.
+/// A finger's source: the frames sent by the world's thread.
 struct SlotSource {
     slot: Slot,
 }
@@ -100,8 +100,8 @@ impl Loopback {
         Ok(Loopback { control, slots, world_frames, gripper, wrist, is_running, world: Some(world) })
     }
 
-    /// Runs the loop to its end; the world goes on a second longer, and the truth at its end is in the tally.
-    /// Also what the task waited for at the end, if its work had not begun.
+    /// Runs the loop to its end; the world runs a second longer, and the truth at its end is in the tally. Also returns
+    /// what the task waited for at the end, if its work had not begun.
     pub fn run(
         mut self,
         stop: &AtomicBool,
@@ -111,7 +111,7 @@ impl Loopback {
         let truth = tally.truth.clone();
         let set_truth = |now: HandTruth| *truth.lock().unwrap_or_else(PoisonError::into_inner) = Some(now);
         let ran = self.try_run(stop, output, tally, &set_truth);
-        // The world goes on without the loop: what is let go of now was not held.
+        // The world runs on without the loop: an object that falls now was not held.
         let until_ns = now_ns() + AFTERWARDS_NS;
         while now_ns() < until_ns {
             self.world_frames.recv_timeout(PAUSE).into_iter().for_each(|world_frame| set_truth(world_frame.truth));
@@ -146,7 +146,7 @@ impl Loopback {
     }
 }
 
-/// Shows the output what the tally knows to be true.
+/// Shows the output the truth in the tally.
 struct WithTruth<'a> {
     output: &'a mut QueuedOutput,
     tally: &'a mut Tally,
@@ -160,10 +160,10 @@ impl CycleObserver for WithTruth<'_> {
     }
 }
 
-/// Time the world goes on for after the loop, ns.
+/// Time for which the world runs on after the loop, ns.
 const AFTERWARDS_NS: u64 = 1_000_000_000;
 
-/// The world and the emulators that press and move it, until stopped or the scene is over.
+/// Runs the world and the emulators that press and move it, until stopped or the scene is over.
 pub fn world(
     scene: &HandScene,
     (mut gripper_port, mut wrist_port): (Server, Server),
@@ -192,7 +192,7 @@ pub fn world(
                     frames.push(frame);
                 }
             }
-            // A loop that is busy misses frames, as with a real camera.
+            // A busy loop misses frames, as with a real camera.
             let _ = send.try_send(WorldFrame { frames, truth: hand.truth() });
         }
         thread::sleep(PAUSE);

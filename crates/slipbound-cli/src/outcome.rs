@@ -1,4 +1,4 @@
-//! How a command can end.
+//! The ways in which a command can end.
 
 use slipbound::port::SourceError;
 use slipbound_lab::eval::FolderError;
@@ -19,21 +19,21 @@ pub enum Outcome {
 /// A command that did not finish.
 #[derive(Debug)]
 pub enum Failure {
-    /// What was asked for cannot be.
+    /// A wrong argument.
     Arguments(anyhow::Error),
     /// Something failed on the way.
     Work(anyhow::Error),
-    /// The reader of standard output closed it, which is no error.
+    /// The reader of standard output closed it, which is not an error.
     ReaderLeft,
 }
 
 impl Failure {
-    /// A failure of what was asked for.
+    /// A failure caused by the arguments.
     pub fn arguments(e: impl Error + Send + Sync + 'static) -> Self {
         Failure::Arguments(e.into())
     }
 
-    /// A failure on the way, with what was being done.
+    /// A failure on the way, with the action that failed.
     pub fn work(doing: impl Display, e: impl Error + Send + Sync + 'static) -> Self {
         Failure::Work(anyhow::Error::new(e).context(doing.to_string()))
     }
@@ -89,7 +89,7 @@ impl From<gripper::Error> for Failure {
     }
 }
 
-/// A session with a gripper that failed; a force that is no number was a wrong argument.
+/// A session with a gripper that failed; a force that is not a number was a wrong argument.
 impl From<SessionError> for Failure {
     fn from(e: SessionError) -> Self {
         match e {

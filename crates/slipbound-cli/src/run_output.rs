@@ -17,11 +17,11 @@ use std::time::Duration;
 /// Cycles that may wait for the disk or the terminal: four seconds at 30 Hz.
 const QUEUE_DEPTH_COUNT: usize = 128;
 
-/// Longest wait at the end for the disk, and for the terminal, to take what is queued.
+/// Longest wait at the end for the disk, and for the terminal, to take the queue.
 const LONGEST_DISK: Duration = Duration::from_secs(10);
 const LONGEST_TERMINAL: Duration = Duration::from_secs(1);
 
-/// Least change of the commanded force that is worth a line, N.
+/// Least change of the commanded force that is printed, N.
 const SHOWN_STEP_N: f64 = 4.5;
 
 /// The folder of a run, its recording, and the terminal.
@@ -32,7 +32,7 @@ pub struct RunOutput {
     console: Console,
     /// Cycles lost on the way to the folder.
     lost_count: u64,
-    /// What else was lost.
+    /// Other losses.
     lost: Vec<String>,
 }
 
@@ -56,7 +56,7 @@ impl RunOutput {
         RunOutput { annotations: container.as_ref().map(McapObserver::annotations), container, ..self }
     }
 
-    /// The same with other limits for what cameras are told of.
+    /// The same with other limits for reports about cameras.
     #[must_use]
     pub fn limited(mut self, limits: CameraLimits) -> Self {
         self.recorder = self.recorder.map(|recorder| recorder.limited(limits));
@@ -65,7 +65,7 @@ impl RunOutput {
         self
     }
 
-    /// Something that no cycle shows.
+    /// A note that no cycle shows.
     pub fn note(&mut self, now_ns: u64, text: &str) {
         if let Some(recorder) = &mut self.recorder {
             recorder.note(now_ns, text);
@@ -73,12 +73,12 @@ impl RunOutput {
         self.console.say(&format!("{}  {text}", at(now_ns)));
     }
 
-    /// Something that was to be written and is not: told at the end.
+    /// Something that was not written: reported at the end.
     pub fn lost(&mut self, what: String) {
         self.lost.push(what);
     }
 
-    /// A line for the user alone.
+    /// A line for the user only.
     pub fn say(&mut self, line: &str) -> Result<(), Failure> {
         self.console.terminal.say(line)
     }
@@ -108,7 +108,7 @@ impl RunOutput {
     ) -> Result<Outcome, Failure> {
         let RunOutput { recorder, console: Console { mut terminal, .. }, lost_count, mut lost, .. } = self;
         terminal.clear_bar();
-        // The page is written also where nobody reads the terminal any more.
+        // The page is written even if nobody reads the terminal any more.
         let mut said: Result<(), Failure> =
             rows.iter().try_for_each(|row| terminal.say(&format!("  {:<28}{:<22}{}", row.name, row.value, row.target)));
         if lost_count > 0 {
@@ -143,7 +143,7 @@ impl CycleObserver for RunOutput {
     }
 }
 
-/// A [`RunOutput`] whose parts are shown cycles on threads of their own.
+/// A [`RunOutput`] whose parts receive cycles on threads of their own.
 pub struct QueuedOutput {
     recorder: Option<QueuedObserver<RunRecorder>>,
     container: Option<QueuedObserver<McapObserver>>,
@@ -161,7 +161,7 @@ impl QueuedOutput {
         let in_container = self.container.map_or(0, |queue| queue.finish(LONGEST_DISK).lost_count);
         // A blocked terminal loses nothing that is not in the folder.
         let console = self.console.finish(LONGEST_TERMINAL).observer.unwrap_or_else(|| Console::new(Terminal::plain()));
-        // Nor does it keep the run from its page and its end.
+        // Nor does it prevent the run from writing its page and ending.
         let console = Console { terminal: console.terminal.patient_for(LONGEST_TERMINAL), ..console };
         let lost_count = lost_count + in_container;
         RunOutput { recorder, container: None, annotations: None, console, lost_count, lost: Vec::new() }
@@ -179,7 +179,7 @@ impl CycleObserver for QueuedOutput {
     }
 }
 
-/// A line where something happened, the status otherwise.
+/// Prints a line where something happened, the status otherwise.
 struct Console {
     terminal: Terminal,
     notes: RunNotes,
@@ -231,10 +231,10 @@ impl CycleObserver for Console {
     }
 }
 
-/// Adds up the score of a run that is not in lock-step; `truth` is what is true now, where that is known.
+/// Adds up the score of a run that is not in lock-step; `truth` is the present ground truth, where it is known.
 #[derive(Default)]
 pub struct Tally {
-    /// What adds up.
+    /// The score so far.
     pub score: RunScore,
     /// What the task was doing last; None before the first command.
     pub phase: Option<Phase>,
@@ -242,7 +242,7 @@ pub struct Tally {
     pub frames_counts: Vec<u64>,
     /// The first lower force that the gripper refused.
     pub refused_lowering: Option<String>,
-    /// What is true now, set by the thread of the simulated world.
+    /// The present ground truth, set by the thread of the simulated world.
     pub truth: Arc<Mutex<Option<HandTruth>>>,
 }
 

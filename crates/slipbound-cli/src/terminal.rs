@@ -20,23 +20,23 @@ pub fn complain(e: &anyhow::Error, code: u8) -> u8 {
         }
     }
     let line = format!("slipbound: {}", printable(&text));
-    // A closed standard error is no failure, and one that takes nothing keeps nobody from the end.
+    // A closed standard error is not a failure, and a blocked one does not prevent the end.
     let _ = within(LONGEST, move || writeln!(io::stderr(), "{line}"));
     code
 }
 
-/// Longest wait for standard error to take the last word.
+/// Longest wait for standard error to take the last message.
 const LONGEST: Duration = Duration::from_secs(1);
 
-/// Writes on a thread of its own and waits so long for it. None where nothing is taken: the thread is left behind.
+/// Writes on a thread of its own and waits this long for it. None where nothing is taken: the thread is left running.
 fn within<T: Send + 'static>(longest: Duration, write: impl FnOnce() -> T + Send + 'static) -> Option<T> {
     let (give_back, written) = sync_channel(1);
     thread::spawn(move || drop(give_back.send(write()))); // nobody waited so long
     written.recv_timeout(longest).ok()
 }
 
-/// The text with control characters written out, as `\u{1b}`, but for line ends and tabs: what a file is called or a gripper
-/// answers must not command the terminal.
+/// The text with control characters written out, as `\u{1b}`, except line ends and tabs: a file name or a gripper's
+/// answer must not control the terminal.
 pub fn printable(text: &str) -> Cow<'_, str> {
     let commands = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
     if !text.contains(commands) {
@@ -51,7 +51,7 @@ pub fn printable(text: &str) -> Cow<'_, str> {
 pub struct Terminal {
     bar: ProgressBar,
     to_stderr: bool,
-    /// Longest wait for a line to be taken; None: as long as it takes.
+    /// Longest wait for a line to be taken; None: no limit.
     longest: Option<Duration>,
     /// Whether standard output and standard error take nothing any more.
     is_stuck: [AtomicBool; 2],
@@ -67,13 +67,13 @@ impl Terminal {
         Terminal { bar, to_stderr, longest: None, is_stuck: Default::default() }
     }
 
-    /// The same, which waits so long for a line to be taken: then, those that follow are not written either.
+    /// The same, with this longest wait for a line to be taken: after that, later lines are not written either.
     #[must_use]
     pub fn patient_for(self, longest: Duration) -> Self {
         Terminal { longest: Some(longest), ..self }
     }
 
-    /// Lines, and a bar for this many frames. `to_stderr`: standard output belongs to somebody else.
+    /// Lines, and a bar for this many frames. `to_stderr`: standard output is used for something else.
     pub fn with_bar(frames_count: Option<u64>, to_stderr: bool) -> Self {
         if !io::stderr().is_terminal() {
             return Terminal::new(ProgressBar::hidden(), to_stderr);
@@ -108,7 +108,7 @@ impl Terminal {
         Terminal::new(bar, false)
     }
 
-    /// What stands in the status line.
+    /// The text of the status line.
     pub fn status(&self, text: &str) {
         self.bar.set_message(text.to_owned());
     }
@@ -118,13 +118,13 @@ impl Terminal {
         self.bar.inc(1);
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn clear_bar(&self) {
         let bar = self.bar.clone();
         let clear = move || bar.finish_and_clear();
         match self.longest {
             None => clear(),
-            Some(longest) => drop(within(longest, clear)), // a terminal that takes nothing keeps its bar
+            Some(longest) => drop(within(longest, clear)), // a blocked terminal keeps its bar
         }
     }
 
@@ -138,7 +138,7 @@ impl Terminal {
 
     /// A line that is not part of the result, on standard error.
     pub fn note(&self, line: &str) {
-        let _ = self.write(true, format!("slipbound: {}", printable(line))); // a closed standard error is no failure
+        let _ = self.write(true, format!("slipbound: {}", printable(line))); // a closed standard error is not a failure
     }
 
     fn write(&self, to_stderr: bool, line: String) -> io::Result<()> {

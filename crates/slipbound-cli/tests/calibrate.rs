@@ -1,4 +1,5 @@
-//! The command on the paper's finger as simulated, with a known mass hanging on it too, on what cannot be calibrated, and on its own outputs.
+//! The command on the paper's finger as simulated, also with a known mass hanging on it; on what cannot be calibrated;
+//! and on its own outputs.
 
 use slipbound::plane::Vec2;
 use std::path::Path;
@@ -26,7 +27,7 @@ fn one_frame_of_the_papers_finger_gives_its_homography_back() {
     let size = paper.rectified_px();
     let middle = Vec2::new((size.width - 1) as f64, (size.height - 1) as f64) * 0.5;
     let margin_px = (0.75 * ours.pitch_px).round();
-    // The grid that was found begins at the first marker in view, which may be a few pitches before the paper's.
+    // The detected grid begins at the first marker in view, which may be a few pitches before the paper's.
     let found = |column: f64, row: f64| {
         ours.camera_from_rectified(Vec2::new(margin_px + column * ours.pitch_px, margin_px + row * ours.pitch_px))
     };
@@ -42,7 +43,7 @@ fn one_frame_of_the_papers_finger_gives_its_homography_back() {
     }
 }
 
-/// A clear gel shows so little that the noise of a single frame is most of it; the mean of ten has a third of that noise.
+/// A clear gel shows so little that most of a single frame is noise; the mean of ten has a third of that noise.
 #[test]
 fn a_calibrated_clear_gel_is_untouched_in_every_frame_at_rest() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -60,7 +61,7 @@ fn a_calibrated_clear_gel_is_untouched_in_every_frame_at_rest() {
     }
 }
 
-/// A weave looks like an imprint to whoever takes the finger for a bare gel; that is said.
+/// A weave looks like an imprint if the finger is taken for a bare gel; that is reported.
 #[test]
 fn a_weave_that_was_taken_for_a_gel_is_told_of() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -77,7 +78,8 @@ fn a_weave_that_was_taken_for_a_gel_is_told_of() {
     }
 }
 
-/// The weave of the simulated GelSlim is sharper in the mixture of colours that calibration takes than in that of the built-in finger.
+/// The weave of the simulated GelSlim is sharper in the colour mixture chosen by calibration than in that of the
+/// built-in finger.
 #[test]
 fn a_calibrated_fabric_skin_is_untouched_at_rest_and_slips_where_the_built_in_one_does() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -132,7 +134,7 @@ fn what_cannot_be_done_is_refused_with_the_reason_and_leaves_no_file() {
     }
 }
 
-/// The picture with the grid may be somebody's photo; --weight-g writes none.
+/// The image with the grid may be somebody's photo; --weight-g writes none.
 #[test]
 fn a_picture_that_is_there_stays() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -157,8 +159,8 @@ fn a_picture_that_is_there_stays() {
     assert!(std::fs::read(&photo).expect("there").starts_with(b"\x89PNG"));
 }
 
-/// Two simulated fingers hold 300 g that first stand and then hang. What comes out is the stiffness that the simulated
-/// gel has, shear modulus over thickness, to 15 %: markers under a pressed weave are not all found.
+/// Two simulated fingers hold 300 g that first stand and then hang. The result is the stiffness of the simulated gel,
+/// shear modulus over thickness, to 15 %: markers under a pressed weave are not all found.
 #[test]
 fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! The command `demo` as a user runs it: what it leaves, that it replays, and that nothing that goes wrong lets go.
+//! The command `demo` as a user runs it: its outputs, its replay, and that no fault releases the object.
 
 use serde_json::Value;
 use std::fs;
@@ -83,7 +83,7 @@ fn the_same_seed_gives_the_same_bytes_and_another_does_not() {
     assert_ne!(first, report("c", "2"));
 }
 
-/// Whatever happens to the eyes, the grip does not fall, the wrist stands, and the cap is not let go.
+/// Whatever happens to the cameras, the grip does not fall, the wrist stands, and the cap is not released.
 #[test]
 fn a_hand_that_goes_blind_holds_on_and_stands_still() {
     for fault in ["lost@1.5", "frozen@1.5", "torn@1.5", "dark@1.5"] {
@@ -159,7 +159,7 @@ fn a_run_folder_and_a_recording_hold_the_same_and_each_becomes_the_other() {
     let kept = demo(Path::new(&path("run")), &[&task[..], &["--record"]].concat());
     let record = format!("--record={}", path("direct.mcap"));
     let direct = demo(Path::new(&path("beside")), &[&task[..], &[&record]].concat());
-    // Every frame from 1.1 s on is torn, so that the work does not begin any more.
+    // Every frame from 1.1 s on is torn, so the work does not begin any more.
     assert_eq!((kept.status.code(), direct.status.code()), (Some(1), Some(1)), "{}{}", told(&kept), told(&direct));
     let convert = |from: &str, to: &str| {
         let ended = slipbound(&["convert", &path(from), "-o", &path(to)]);
@@ -177,7 +177,7 @@ fn a_run_folder_and_a_recording_hold_the_same_and_each_becomes_the_other() {
     }
     let more: Vec<&String> = back.keys().filter(|name| !run.contains_key(*name)).collect();
     assert_eq!(more, ["left.frames.jsonl"]);
-    // What the loop recorded in one file is what it left in its folder, but for what comes at the end.
+    // The recording in one file equals the folder, except for what comes at the end.
     let frames_count = run.keys().filter(|name| name.starts_with("left/")).count();
     assert!(frames_count > 25, "{frames_count}");
     for (name, bytes) in run.iter().filter(|(name, _)| !name.ends_with(".html") && !name.ends_with(".png")) {
@@ -191,7 +191,7 @@ fn a_run_folder_and_a_recording_hold_the_same_and_each_becomes_the_other() {
         let again = slipbound(&["replay", &path(folder)]);
         assert!(again.status.success(), "{folder}: {}", told(&again));
     }
-    // Neither is written over, nor does a name lead out of the folder.
+    // Neither is overwritten, and no name leads out of the folder.
     let refused = slipbound(&["convert", &path("run.mcap"), "-o", &path("run")]);
     assert_eq!(refused.status.code(), Some(2), "{}", told(&refused));
     let bytes = fs::read(path("direct.mcap")).expect("reads");

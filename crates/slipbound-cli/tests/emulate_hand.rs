@@ -1,11 +1,11 @@
-//! A simulated hand at addresses of this computer: its cameras are watched and its gripper is asked, as real ones would be.
+//! A simulated hand at addresses of this computer: its cameras are watched and its gripper is queried, like real ones.
 #![cfg(unix)]
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, Stdio};
 
-/// A program that does not outlive the test, however that ends.
+/// A program that is ended with the test, however that ends.
 struct Running(Child);
 
 impl Drop for Running {

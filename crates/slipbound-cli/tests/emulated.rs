@@ -14,7 +14,7 @@ fn told(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
-/// With pictures of the size that the released frames have: a third of the time goes.
+/// With images of the size that the released frames have: a third of the time goes.
 fn demo(folder: &Path, args: &[&str]) -> Output {
     let small = ["demo", "--fingers", "1", "--set", "height_px=320"];
     slipbound(&[&small, &["-o", folder.to_str().expect("UTF-8")][..], args].concat())
@@ -26,7 +26,7 @@ fn row(told: &str, name: &str) -> String {
     line.unwrap_or_else(|| panic!("no row {name}: {told}")).split_whitespace().next().expect("a value").into()
 }
 
-/// A task through the driver ends as without: these rows are the same, and that one, a number, within 5 %.
+/// A task through the driver ends as without: these rows are the same, and the number in the row `near` is within 5 %.
 fn ends_through_a_driver_as_without(task: &str, mu: &str, same: [&str; 2], near: Option<&str>) {
     let scratch = tempfile::tempdir().expect("a folder");
     let run = |name: &str, emulated: &[&str]| {
@@ -85,7 +85,7 @@ fn a_link_cut_in_the_middle_is_waited_for_and_the_recording_replays() {
     assert!(again.status.success() && told(&again).contains("the same"), "{}", told(&again));
 }
 
-/// The bottle is filled on while nobody hears the wrist: the grip answers all the same.
+/// The bottle is filled on while the wrist is not heard: the grip still responds.
 #[test]
 fn an_unresponsive_wrist_does_not_keep_the_grip_from_answering_slip() {
     let scratch = tempfile::tempdir().expect("a folder");
@@ -155,7 +155,7 @@ fn check_replay(run: &Path) {
     assert!(told(&again).contains("every report and command the same"), "{}", told(&again));
 }
 
-/// `hold` against an emulator in a process of its own: what it leaves replays without either.
+/// `hold` against an emulator in a process of its own: its output replays without either.
 #[test]
 fn a_hold_on_emulated_hardware_replays_from_its_folder_alone() {
     let scratch = tempfile::tempdir().expect("a folder");
@@ -214,7 +214,7 @@ fn what_run_and_hold_cannot_do_is_said_before_anything_moves() {
     }
 }
 
-/// What did not begin, or ended empty, is no success: exit code 1 and what was missing.
+/// A run that did not begin, or ended empty, is not a success: exit code 1 and what was missing.
 #[test]
 fn work_that_never_began_and_hands_that_end_empty_are_failures() {
     let scratch = tempfile::tempdir().expect("a folder");
@@ -256,7 +256,7 @@ fn work_that_never_began_and_hands_that_end_empty_are_failures() {
         assert!(told(&output).contains("the work never began: "), "{}", told(&output));
         from.elapsed().as_secs_f64()
     };
-    // Thirty-six frames: it plays at the rate that was asked for, below 10 Hz too.
+    // Thirty-six frames: it plays at the requested rate, below 10 Hz too.
     let (fast_s, slow_s) = (hold("30"), hold("5"));
     assert!(slow_s > 6.5, "{fast_s} s and {slow_s} s");
 }
@@ -283,7 +283,7 @@ fn a_task_that_outlives_its_source_has_failed_and_a_hold_has_not() {
     let output = slipbound(&[&["hold"], &common[..], &["-o", &hold]].concat());
     assert!(output.status.success(), "{}", told(&output));
 
-    // A gripper that is not there leaves nothing behind: the same command again is not refused for its folder.
+    // A gripper that is not there leaves no files behind: the same command again is not refused for its folder.
     let gone = folder("gone");
     for _ in 0..2 {
         let nobody = [&left, "--sensor", &sensor, "--gripper", "wsg50://127.0.0.1:1", "-o", &gone];
@@ -292,7 +292,7 @@ fn a_task_that_outlives_its_source_has_failed_and_a_hold_has_not() {
         assert!(told(&output).contains("cannot connect"), "{}", told(&output));
         assert!(!Path::new(&gone).exists());
     }
-    // And a folder that is in use is told before the gripper is looked for.
+    // A folder in use is reported before the gripper is searched.
     let nobody = [&left, "--sensor", &sensor, "--gripper", "wsg50://127.0.0.1:1", "-o", &hold];
     let output = slipbound(&[&["hold"], &nobody[..]].concat());
     assert_eq!(output.status.code(), Some(2), "{}", told(&output));
@@ -334,7 +334,7 @@ fn a_finger_is_not_named_out_of_its_folder() {
     assert!(!run.exists());
 }
 
-/// A replay that has fewer lines than were recorded is not the same; and says how far it was.
+/// A replay with fewer lines than were recorded is not the same, and reports how far it got.
 #[test]
 fn a_run_whose_lines_are_cut_is_not_called_the_same() {
     let scratch = tempfile::tempdir().expect("a folder");
@@ -378,7 +378,7 @@ fn a_run_whose_lines_are_cut_is_not_called_the_same() {
     }
 }
 
-/// A source that gives pixels alone, as a camera without compression does: they are kept without loss.
+/// A source that gives pixels only, like a camera without compression: they are kept without loss.
 #[test]
 fn frames_that_come_as_pixels_are_kept_and_replay() {
     use slipbound::port::{FrameBuffer, FrameSource as _, Next};

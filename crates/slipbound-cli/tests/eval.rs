@@ -1,4 +1,4 @@
-//! Sweeps from outside: records, tables and page; shards that become the whole; arguments that cannot be.
+//! Sweeps from outside: records, tables and page; shards that form the whole; invalid arguments.
 
 use std::fs;
 use std::path::Path;
@@ -11,7 +11,7 @@ fn run(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, String) {
     (output.status.code(), text(output.stdout), text(output.stderr))
 }
 
-/// What is pulled and turned on the ramps.
+/// The objects pulled and turned on the ramps.
 const OBJECTS: [&str; 10] = [
     "tape_roll",
     "crayons_box",
@@ -94,17 +94,17 @@ fn an_object_is_judged_by_the_trees_without_it() {
         fs::read_to_string(dir.path().join(folder).join("trials.jsonl")).expect("a record")
     };
     let by_shipped = ramp(&[], "shipped");
-    // A table that says more of the used fraction than there is.
+    // A table that states a larger used fraction than the true one.
     let object = serde_json::from_str::<serde_json::Value>(&by_shipped).expect("JSON")["object"].clone();
     let base = shipped.lines().find(|line| line.starts_with("ensemble used ")).expect("one");
     write(object.as_str().expect("a name"), &shipped.replacen(base, "ensemble used -0.2", 1));
     assert_ne!(ramp(&["--left-out", "trees"], "changed"), by_shipped);
 
-    // Another table is another sweep, of whatever object.
+    // Another table, of any object, is another sweep.
     let again = ["ramps", "--trials", "1", "--detector", "ours", "--left-out", "trees", "-o", "changed"];
     let (code, _, err) = run(dir.path(), &again);
     assert_eq!((code, err.as_str()), (Some(0), ""), "the same tables");
-    // Joined, its pictures are drawn with these trees or with none.
+    // After merging, its images are drawn with these trees or with none.
     let merge = |more: &[&str], to: &str| run(dir.path(), &[&["merge", "changed", "-o", to], more].concat());
     let (code, _, err) = merge(&[], "merged");
     assert!(code == Some(2) && err.contains("merge: expected --left-out FOLDER"), "{err}");
@@ -120,7 +120,7 @@ fn an_object_is_judged_by_the_trees_without_it() {
     let (code, _, err) = run(dir.path(), &again);
     assert!(code == Some(2) && err.contains("changed/sweep.json: sweep.settings: expected {"), "{code:?} {err}");
 
-    // From frames alone other trees judge: those of the shipped table know every object.
+    // From frames alone other trees judge: those of the shipped table were fitted with every object.
     let alone = ["ramps", "--trials", "1", "--detector", "ours_frames", "--left-out", "trees", "-o", "alone"];
     let refused = |lesson: &str| {
         let (code, _, err) = run(dir.path(), &alone);

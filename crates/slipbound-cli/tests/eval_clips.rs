@@ -1,5 +1,5 @@
-//! `slipbound eval lifts` on simulated clips: labels are read for scoring alone. On the shared recordings, where they are,
-//! what is left out is judged as well as what a scale was fitted to.
+//! `slipbound eval lifts` on simulated clips: labels are read for scoring alone. On the shared recordings, where they
+//! exist, held-out objects are judged as accurately as those to which a scale was fitted.
 
 use serde_json::Value;
 use std::fs;
@@ -26,7 +26,7 @@ fn clips(folder: &Path) {
         );
         slipbound(&["simulate", &scene, "-o", &shown(&recording)]);
         fs::create_dir_all(folder.join(name)).expect("a folder");
-        // From the frame on in which the grip has settled.
+        // From the frame in which the grip has settled.
         for n in 26..44 {
             let from = recording.join(format!("frame_{n:06}.jpg"));
             if from.exists() {
@@ -74,7 +74,7 @@ fn labels_shuffled_or_absent_change_nothing_but_the_truth() {
         (&labelled[0]["truth"], &shuffled[0]["truth"], &absent[0]["truth"]),
         (&true.into(), &false.into(), &Value::Null)
     );
-    // Each goes on with what it was begun with, and with nothing else.
+    // Each continues with its own settings only.
     let resumes = |out: &Path| {
         let args =
             ["eval", "lifts", "--data", &shown(&folder), "--detector", "ours", "--pictures", "0", "-o", &shown(out)];
@@ -98,7 +98,7 @@ fn labels_shuffled_or_absent_change_nothing_but_the_truth() {
     let (code, _, err) = merge("labelled", &["--refit"], "refitted");
     assert!(code == Some(2) && err.contains("merge --refit: expected folders of `lifts --refit`"), "{err}");
     assert!(!out("refitted").exists(), "a folder for nothing");
-    // Of a sweep with --refit, whether the flag is given again or not.
+    // For a sweep with --refit, whether the flag is given again or not.
     let refitted = out("labelled").join("sweep.json");
     let about = fs::read_to_string(&refitted).expect("a sweep");
     fs::write(&refitted, about.replace("\"refit\": \"false\"", "\"refit\": \"true\"")).expect("written");
@@ -111,7 +111,7 @@ fn labels_shuffled_or_absent_change_nothing_but_the_truth() {
     assert!(code == Some(2) && err.contains("merge: data: expected that of the sweep, 3 clips, "), "{err}");
     fs::copy(folder.join("a_1/000.jpg"), folder.join("a_1/900.jpg")).expect("a frame more");
     assert!(!resumes(&out("labelled")));
-    // The comparison sees a leak.
+    // The comparison detects a leak.
     let leak = |records: &[Value]| {
         let mut records = records.to_vec();
         records
@@ -148,7 +148,7 @@ fn the_shared_lifts_are_judged_with_each_object_left_out() {
     assert!(row[4]["value"].as_f64().expect("an area") >= 0.98, "{row}");
 }
 
-/// The states of `watch`, not the score of `eval`: what slides says `gross`, what is held does not.
+/// The states of `watch`, not the score of `eval`: sliding clips give `gross`, held ones do not.
 #[test]
 fn watch_says_of_the_shared_lifts_which_slide() {
     let Some(folder) = shared_lifts() else { return };

@@ -1,6 +1,7 @@
-//! A lift with a gripper whose force reads wrong, over a grid of bias, gain and noise: `docs/force-grid.md`. In lock-step
-//! through driver and emulator, so the same every time. `REGENERATE=1 cargo test -p slipbound-cli --test force_grid`
-//! runs the whole grid and writes the file anew; without it a few of its cells are run and compared.
+//! A lift with a gripper whose force readings are wrong, over a grid of bias, gain and noise: `docs/force-grid.md`. In
+//! lock-step through driver and emulator, so the same every time.
+//! `REGENERATE=1 cargo test -p slipbound-cli --test force_grid` runs the whole grid and writes the file again; without
+//! it a few of its cells are run and compared.
 
 use serde_json::Value;
 use std::fs;
@@ -17,12 +18,12 @@ const HEAD: &str = "# A lift with a gripper whose force reads wrong\n\n\
     the 10 N stay, and the bottle slides out. Written by `REGENERATE=1 cargo test -p slipbound-cli --test force_grid`.\n\n\
     | gripper | bias N | gain | noise N rms | outcome | slip unanswered s | most N | slid mm |\n|---|---|---|---|---|---|---|---|\n";
 
-/// Other faults of a sensor than those of the grid.
+/// Faults of a sensor other than those of the grid.
 const OTHERS: [&str; 6] = ["idle=4", "idle=9", "step=2", "drift=0.2", "lag=150", "late-every=5"];
 
 struct Cell {
     gripper: &'static str,
-    /// The first columns, then what goes wrong.
+    /// The first columns, then the faults.
     row: String,
     fault: String,
 }
@@ -47,7 +48,7 @@ fn cells() -> Vec<Cell> {
     cells
 }
 
-/// Runs a cell; its row.
+/// Runs a cell; returns its row.
 fn row(cell: &Cell, scratch: &Path, number: usize) -> String {
     let (run, settings) = (scratch.join(format!("run{number}")), scratch.join("settings.toml"));
     let output = Command::new(env!("CARGO_BIN_EXE_slipbound"))
@@ -89,7 +90,7 @@ fn row(cell: &Cell, scratch: &Path, number: usize) -> String {
     }
     let phase = cycles.last().map_or(&Value::Null, |cycle| &cycle["phase"]);
     let ended = phase["ending"].as_str().or(phase["phase"].as_str()).unwrap_or("nothing").to_owned();
-    // Never: exit 0, and nothing held.
+    // Never: exit 0 with nothing held.
     let is_done = output.status.success();
     assert!(!is_done || ended == "held" && slid_mm < 15.0, "{}: exit 0, but {ended}: {told}", cell.fault);
     let outcome = match is_done {
@@ -107,7 +108,7 @@ fn a_force_that_reads_wrong_is_held_on_with_or_refused_with_a_reason() {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../docs/force-grid.md");
     let regenerates = std::env::var_os("REGENERATE").is_some();
     let cells = cells();
-    // The two corners that are furthest from the truth, an idle reading, and a gripper that takes no other force.
+    // The two corners that are furthest from the truth, an idle reading, and a gripper that accepts no other force.
     let wanted: Vec<usize> = if regenerates { (0..cells.len()).collect() } else { vec![2, 26, 27, cells.len() - 2] };
     let scratch = tempfile::tempdir().expect("a folder");
     fs::write(scratch.path().join("settings.toml"), "[lift]\nhold_ns = 3500000000\n").expect("written");

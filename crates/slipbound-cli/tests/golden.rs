@@ -1,5 +1,5 @@
-//! The report of testdata/twist.avi, byte for byte. `REGENERATE=1 cargo test -p slipbound-cli --test golden` writes it anew;
-//! look at the difference before you commit it.
+//! The report of testdata/twist.avi, byte for byte. `REGENERATE=1 cargo test -p slipbound-cli --test golden` writes it
+//! again; check the difference before you commit it.
 
 use std::path::Path;
 use std::process::Command;

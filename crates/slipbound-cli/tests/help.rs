@@ -1,4 +1,4 @@
-//! Every command's help fits a terminal of 80 columns, and its examples are true.
+//! Every command's help fits a terminal of 80 columns, and its examples are valid.
 
 use slipbound_lab::hand::HandScene;
 use slipbound_lab::scenes::Trial;
@@ -15,7 +15,7 @@ fn all(command: clap::Command, path: &str) -> Vec<(String, clap::Command)> {
     found
 }
 
-/// The help of every command as it stands in a terminal of 80 columns.
+/// The help of every command in a terminal of 80 columns.
 fn helps() -> Vec<(String, String)> {
     let mut command = slipbound_cli::command().term_width(80);
     command.build();

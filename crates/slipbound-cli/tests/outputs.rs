@@ -1,4 +1,4 @@
-//! What `watch` writes and what it takes from beside the frames; the pages and scripts that are made from the arguments.
+//! Outputs of `watch`, and files that it uses from beside the frames; pages and scripts generated from the arguments.
 
 use std::fs;
 use std::path::Path;
@@ -111,7 +111,7 @@ fn pages_scripts_scenes_and_fingers_are_shown() {
     for part in ["ramp: pulled and turned", "ramp_s", "force_n", "slipbound watch 'sim:ramp"] {
         assert!(told(&done).contains(part), "no {part}: {}", told(&done));
     }
-    // What is shown is a sensor file.
+    // The output is a sensor file.
     let done = slipbound(folder.path(), &["sensors", "gelslim"]);
     fs::write(folder.path().join("own.toml"), &done.stdout).expect("written");
     let done = slipbound(folder.path(), &["sensors", "own.toml"]);
@@ -125,7 +125,7 @@ fn several_recordings_are_rows_of_a_table_with_files_of_their_own() {
         ["--csv", "t.csv", "--slips", "s.jsonl", "--report", "p.html", "--overlay", "seen", "--json", "r.jsonl"];
     let words = [&["watch", "clip", "nowhere.avi", "clip"][..], &written].concat();
     let done = slipbound(folder.path(), &words);
-    // One that is not there keeps no other from being judged.
+    // A missing one does not prevent the others from being judged.
     assert_eq!(done.status.code(), Some(1), "{}", told(&done));
     let said = told(&done);
     let rows: Vec<&str> = said.lines().filter(|line| line.starts_with("clip")).collect();
@@ -166,7 +166,7 @@ fn the_page_of_a_recording_tells_what_the_terminal_and_the_slips_tell() {
         .map(|slip| slip["frames_count"].as_u64().expect("a number"))
         .sum();
     assert_eq!(frames, count as u64);
-    // Ours may be written again, another's not.
+    // Our own may be overwritten, another's not.
     assert!(slipbound(folder.path(), &words).status.success());
     fs::write(folder.path().join("page.html"), "<html>mine</html>").expect("written");
     assert_eq!(slipbound(folder.path(), &words).status.code(), Some(2));
@@ -234,7 +234,7 @@ fn a_hold_that_is_refused_costs_no_recording() {
         assert!(matches!(done.status.code(), Some(1 | 2)), "{}", told(&done));
         assert!(fs::read(&path).expect("there") == before, "what was there is lost: {}", told(&done));
     }
-    // One that begins records the frames that were read before, too.
+    // A run that begins records the frames read before, too.
     let done = hold(&["clip"], "dry");
     let after = slipbound(folder.path(), &["watch", "r.mcap", "--csv", "t.csv"]);
     let is_frame = |name: &std::ffi::OsStr| name.to_string_lossy().ends_with(".jpg");
@@ -257,7 +257,7 @@ fn a_source_that_fails_leaves_no_recording_that_passes_as_whole() {
         assert!(matches!(done.status.code(), Some(1 | 2)), "{}", told(&done));
         assert!(fs::read(&path).expect("there") == before, "what was there is lost: {}", told(&done));
     }
-    // What came before it is kept, and says that there is no more.
+    // The frames before it are kept, and the recording says that it is cut off.
     let both = slipbound(folder.path(), &["record", "clip", "notes.mp4", "-o", "r.mcap"]);
     assert!(!both.status.success(), "{}", told(&both));
     let read = slipbound(folder.path(), &["watch", "r.mcap#left", "--sensor", "clip/sensor.toml"]);
@@ -306,7 +306,7 @@ fn convert_writes_over_nothing_that_is_not_its_own() {
     }
 }
 
-/// What cannot be done is refused with exit code 2, before anything is written or moves.
+/// Invalid requests are refused with exit code 2, before anything is written or moves.
 #[test]
 fn numbers_and_options_that_mean_nothing_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -334,7 +334,7 @@ fn numbers_and_options_that_mean_nothing_are_refused() {
     assert!(done.status.success(), "{}", told(&done));
 }
 
-/// The noise is that of the frames at rest; a touch that comes later is told, and where.
+/// The noise is that of the frames at rest; a later touch is reported, with its place.
 #[test]
 fn a_finger_that_is_touched_later_is_not_called_untouched() {
     let folder = clip();
@@ -347,7 +347,7 @@ fn a_finger_that_is_touched_later_is_not_called_untouched() {
         let words = said.split("noise").nth(1).and_then(|rest| rest.trim_start_matches(':').split_whitespace().next());
         words.and_then(|number| number.parse().ok()).unwrap_or_else(|| panic!("no noise: {said}"))
     };
-    // A file of settings for recordings that begin with an object in the hand makes no finger a touched one.
+    // A settings file for recordings that begin with an object in the hand does not make a finger a touched one.
     fs::write(folder.path().join("held.toml"), "[rest]\nheld = true\n").expect("written");
     let tare = |frames: &str| {
         let words = ["tare", "clip", "--settings", "held.toml", "--frames", frames];
@@ -359,7 +359,7 @@ fn a_finger_that_is_touched_later_is_not_called_untouched() {
     assert!(!folder.path().join("finger.rest").exists());
     let done = tare("3");
     assert!(done.status.success(), "{}", told(&done));
-    // The first frames of the press are not yet called a touch, but most of what they move is left out.
+    // The first frames of the press do not count as a touch yet, but most of what they move is left out.
     assert!(noise_px(&told(&done)) < 0.1, "{}", told(&done));
 }
 

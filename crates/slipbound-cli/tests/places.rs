@@ -1,4 +1,4 @@
-//! Where commands write: what is there of somebody else stays, and what cannot be written is a failure (exit code 1) told by its path.
+//! Where commands write: foreign files stay, and a failure to write is an error (exit code 1) that names the path.
 
 use std::fs;
 use std::path::Path;
@@ -13,7 +13,7 @@ fn told(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
-/// A folder with a short press of a finger, `clip`, and a file of somebody else, `notes`.
+/// A folder with a short press of a finger, `clip`, and a foreign file, `notes`.
 fn clip() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = "press?rest_frames=3&press_s=0.1&settle_s=0.1&hold_s=0.1&grid=fast";
@@ -23,7 +23,7 @@ fn clip() -> tempfile::TempDir {
     folder
 }
 
-/// Sources are told by their ending: under another name a recording is never found again.
+/// Sources are recognised by their ending: under another name a recording is never found again.
 #[test]
 fn a_recording_has_the_name_of_one() {
     let folder = clip();
@@ -103,7 +103,7 @@ fn files_and_folders_of_somebody_else_stay() {
     assert_eq!(fs::read_dir(folder.path().join("mine")).expect("there").count(), 2, "nothing beside them");
 }
 
-/// What is named is no camera to be plugged in, and no folder of a run.
+/// The name is neither a camera to be plugged in nor a folder of a run.
 #[test]
 fn a_name_that_leads_nowhere_is_told_what_to_do() {
     let folder = clip();

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// How the command ended.
+/// The outcome of the command.
 #[derive(Debug)]
 struct Ended {
     code: Option<i32>,
@@ -20,7 +20,7 @@ fn run(folder: &Path, arguments: &[&str]) -> Ended {
     Ended { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
 }
 
-/// The frames of a report, without their times and what needs them, speeds: pictures in a folder have none.
+/// The frames of a report, without their times and what needs them, speeds: images in a folder have none.
 fn timeless(path: PathBuf) -> Vec<Value> {
     let text = fs::read_to_string(path).expect("a report");
     let lines = text.lines().skip(1).map(|line| {
@@ -54,7 +54,7 @@ fn a_recorded_scene_is_judged_as_the_live_one() {
     assert!(lines.len() > 30, "{} frames", lines.len());
     assert!(live_lines == lines, "verdicts differ");
     assert!(lines[2]["state"] == "no_contact", "nothing touches at first: {}", lines[2]);
-    // Times come from the world: the live ones are known, a thirtieth of a second apart.
+    // Times come from the world: those of the live frames are known, a thirtieth of a second apart.
     let text = fs::read_to_string(dir.path().join("live.json")).expect("a report");
     assert!(text.lines().nth(4).is_some_and(|line| line.contains(r#""time_ns":100000000"#)), "{text}");
     assert!(text.lines().next().is_some_and(|line| line.contains(r#""clock":"device""#)));
@@ -121,7 +121,7 @@ fn what_cannot_be_is_a_bad_argument() {
     assert!(!dir.path().join("x").exists(), "nothing was written");
 }
 
-/// Files that are none of ours and are long, or never end, are not read to their end: 400 MB of memory will do.
+/// Foreign files that are long, or never end, are not read to their end: 400 MB of memory is enough.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_long_file_of_another_kind_is_refused_without_being_read() {

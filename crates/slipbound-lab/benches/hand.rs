@@ -1,11 +1,11 @@
-//! What a frame of 30 Hz of the simulated hand takes: four steps of jaws, wrist and contact, and the pictures.
+//! Time of a 30 Hz frame of the simulated hand: four steps of jaws, wrist and contact, and the images.
 //! `cargo bench -p slipbound-lab --bench hand`; results with machine and settings in bench/lab-physics.md.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Next, Wrist, WristCommand, WristMotion};
 use slipbound_lab::hand::{HandScene, SimHand};
 
-/// A grip of 20 N for a second, then the motion goes on for as long as it is timed.
+/// A grip of 20 N for a second, then the motion continues while it is timed.
 fn frame(criterion: &mut Criterion, name: &str, scene: &str, motion: WristMotion, cameras_count: usize) {
     let hand = SimHand::new(&HandScene::parse(scene).expect("a sound scene")).expect("a sound hand");
     hand.gripper().command(GripCommand::Hold { force_n: 20.0 }).expect("taken over");

@@ -1,4 +1,5 @@
-//! Pictures of one finger: drawn from a surface, sent through JPEG, and with the physics of a frame of 30 Hz before them.
+//! Images of one finger: drawn from a surface, encoded and decoded as JPEG, and with the physics of a 30 Hz frame
+//! before.
 //! `cargo bench -p slipbound-lab --bench render`; results with machine and settings in bench/lab-render.md.
 
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -11,7 +12,7 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 
 const STEPS_A_FRAME: usize = 4;
 
-/// A sphere at 20 N, half way to full slip, and the commands that lead on.
+/// A sphere at 20 N, half way to full slip, and the commands that follow.
 fn pressed(grid: Grid) -> (Finger, Vec<Command>) {
     let settings = FingerSettings { grid, ..FingerSettings::standard() };
     let path = Path::new(vec![Leg::press(20.0, 0.25), Leg::shear(2.0, 0.0, 1.0)]).expect("a sound path");
@@ -25,7 +26,7 @@ fn pressed(grid: Grid) -> (Finger, Vec<Command>) {
     (finger, commands)
 }
 
-/// What the camera needs to know of the finger, copied out.
+/// The camera's input from the finger, copied.
 struct Copied {
     grid: Grid,
     displacement: Vec<Displacement>,
@@ -68,7 +69,7 @@ fn render(criterion: &mut Criterion) {
         let mut camera = Renderer::gelslim(1);
         let mut rgb = vec![0; 3 * camera.size().area()];
         criterion.bench_function(&format!("physics and render/{size}/gelslim"), |bencher| {
-            // Eight frames of the ramp, then the same once more.
+            // Eight frames of the ramp, then the same ones again.
             let (mut now, mut frame) = (finger.clone(), 0);
             bencher.iter(|| {
                 if frame == 8 {
@@ -85,7 +86,7 @@ fn render(criterion: &mut Criterion) {
     }
 }
 
-/// As a recorded scene: quality 85, 4:2:2.
+/// As in a recorded scene: quality 85, 4:2:2.
 fn jpeg(criterion: &mut Criterion) {
     let (finger, _) = pressed(Grid::standard());
     let mut copied = Copied::of(Grid::standard());

@@ -1,5 +1,5 @@
-//! Frames of the simulated GelSlim beside each other, into out/camera:
-//! `cargo run --release -p slipbound-lab --example camera`. docs/simulator-camera.jpg is made of these.
+//! Frames of the simulated GelSlim side by side, into out/camera:
+//! `cargo run --release -p slipbound-lab --example camera`. docs/simulator-camera.jpg consists of these.
 
 use slipbound::image::SizePx;
 use slipbound::plane::Vec2;
@@ -12,7 +12,7 @@ use std::path::Path;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// The camera's picture of a shape pressed on and shifted.
+/// The camera's image of a shape that is pressed on and shifted.
 fn picture(
     camera: &mut Renderer,
     shape: impl Shape + 'static,
@@ -33,7 +33,7 @@ fn picture(
     Ok(rgb)
 }
 
-/// The rectified view of a picture, nearest pixels.
+/// The rectified view of an image, nearest pixels.
 fn rectified(sensor: &Sensor, rgb: &[u8]) -> (SizePx, Vec<u8>) {
     let (from, to) = (sensor.image_px, sensor.rectified_px());
     let mut out = vec![0; 3 * to.area()];
@@ -51,7 +51,7 @@ fn rectified(sensor: &Sensor, rgb: &[u8]) -> (SizePx, Vec<u8>) {
     (to, out)
 }
 
-/// A picture into a larger one.
+/// Copies an image into a larger one.
 fn paste(board: &mut [u8], board_px: SizePx, (size, rgb): (SizePx, &[u8]), [left, top]: [usize; 2]) {
     for (y, row) in rgb.chunks_exact(3 * size.width).enumerate() {
         board[3 * ((top + y) * board_px.width + left)..][..row.len()].copy_from_slice(row);

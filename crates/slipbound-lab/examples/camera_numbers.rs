@@ -1,4 +1,4 @@
-//! Numbers of the simulated GelSlim's frames at rest, as they are measured on real ones, after JPEG 85:
+//! Statistics of the simulated GelSlim's frames at rest, as measured on real ones, after JPEG 85:
 //! `cargo run --release -p slipbound-lab --example camera_numbers [SURROUNDINGS]`. The table is in docs/simulator.md.
 
 use slipbound::image::{Frame, Pixels, Rgb, SizePx};
@@ -15,7 +15,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 const FRAMES_COUNT: u64 = 10;
 const GREEN: usize = 1;
 
-/// One channel of a picture as numbers.
+/// One channel of an image as numbers.
 struct Plane {
     size: SizePx,
     levels: Vec<f64>,
@@ -67,7 +67,7 @@ fn spread(values: &[f64]) -> f64 {
     (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (values.len() - 1) as f64).sqrt()
 }
 
-/// Where the camera image shows a place of the rectified one.
+/// Position in the camera image of a point of the rectified one.
 fn camera_px(sensor: &Sensor, rectified: Vec2) -> Vec2 {
     let at = sensor.upright_from_rectified(rectified);
     match sensor.flip {
@@ -99,7 +99,7 @@ fn main() -> Result<(), Failure> {
     let rectified_px = sensor.rectified_px();
     println!("surroundings {}, green after JPEG 85, {} x {} px", kind.name(), size.width, size.height);
 
-    // Regions: squares of 50 px of the rectified image, and the whole picture.
+    // Regions: squares of 50 px of the rectified image, and the whole image.
     for (name, share) in [
         ("top right", [0.9, 0.1]),
         ("top left", [0.1, 0.1]),
@@ -139,7 +139,7 @@ fn main() -> Result<(), Failure> {
         .collect();
     println!("outside the dots: median green {:.0}", median(&mut outside));
 
-    // In the middle: noise of a pixel over time, and the weave between sigma 0.8 and 6 px, dots left out.
+    // In the middle: noise of a pixel over time, and the weave between sigma 0.8 and 6 px, without dots.
     let middle: Vec<(i64, i64)> = (180..300).flat_map(|y| (220..420).map(move |x| (x, y))).collect();
     let noise: Vec<f64> =
         middle.iter().map(|&(x, y)| spread(&planes.iter().map(|plane| plane.at(x, y)).collect::<Vec<_>>())).collect();

@@ -1,11 +1,11 @@
-//! What a trial of an evaluation costs, in time on the processor: a few trials of a protocol with all detectors, one after
-//! the other on one thread. `cargo run --release -p slipbound-lab --example eval_cost -- table1 8`.
+//! CPU time of a trial of an evaluation: a few trials of a protocol with all detectors, one after the other on one
+//! thread. `cargo run --release -p slipbound-lab --example eval_cost -- table1 8`.
 
 use slipbound_lab::eval::simulated;
 use slipbound_lab::rivals::DETECTORS;
 use std::time::{Duration, Instant};
 
-/// Time that this thread has run; wall-clock time where the system does not tell.
+/// CPU time of this thread; wall-clock time if the system does not provide it.
 fn ran(start: Instant) -> Duration {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     let told = text.split_whitespace().next().and_then(|first| first.parse().ok());
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             records += &record.line()?;
         }
     }
-    // FNV-1a of the records: the same before and after a change that leaves every frame as it was.
+    // FNV-1a of the records: equal before and after a change that leaves every frame unchanged.
     let sum = records
         .bytes()
         .fold(0xCBF2_9CE4_8422_2325u64, |sum, byte| (sum ^ u64::from(byte)).wrapping_mul(0x100_0000_01B3));

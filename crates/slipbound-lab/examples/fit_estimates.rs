@@ -1,13 +1,16 @@
-//! Makes the tables of boosted trees that the monitor ships, from the training split.
+//! Generates the tables of boosted trees that the monitor ships, from the training split.
 //!
 //! `cargo run --release -p slipbound-lab --example fit_estimates -- ROWS.jsonl [--trials N] [--from N] [--only used,stick --keep OLD] [--table FILE]`:
-//! `crates/slipbound/src/monitor/estimate/trees.txt`, behind stick ratio and margin. Simulates the first N trials (default 600; those from
-//! `--from` on: files of rows can be joined) unless the file of rows is there already, fits, writes the table, and prints how well the trees do on objects they were not fitted to. With
-//! `--only` the other trees are those of the table OLD.
-//! `... -- ROWS.jsonl --without FOLDER --keep OLD`: for every object in the rows FOLDER/OBJECT.txt, fitted without it, with the stated errors of OLD, for
-//! `slipbound eval ramps --left-out`: all four lessons. What `--only` leaves to OLD knows the object; `alone_used` and `alone_stick` judge for `ours_frames`.
-//! `... -- --gross ROWS.jsonl ...`: `crates/slipbound/src/monitor/gross/trees.txt`, behind the verdict on gross slip, the same way; the rows without
-//! grip force are in ROWS.jsonl.alone. All cores; the result does not depend on their number.
+//! `crates/slipbound/src/monitor/estimate/trees.txt`, behind stick ratio and margin. Simulates the first N trials
+//! (default 600; those from `--from` on: files of rows can be joined) unless the file of rows exists, fits, writes the
+//! table, and prints the accuracy of the trees on held-out objects. With `--only` the other trees are those of the
+//! table OLD.
+//! `... -- ROWS.jsonl --without FOLDER --keep OLD`: writes for every object in the rows FOLDER/OBJECT.txt, fitted
+//! without it, with the stated errors of OLD, for `slipbound eval ramps --left-out`: all four targets. Targets that
+//! `--only` leaves to OLD were fitted with the object; `alone_used` and `alone_stick` are used for `ours_frames`.
+//! `... -- --gross ROWS.jsonl ...`: `crates/slipbound/src/monitor/gross/trees.txt`, behind the gross slip verdict, the
+//! same way; the rows without grip force are in ROWS.jsonl.alone. Uses all cores; the result does not depend on their
+//! number.
 
 use slipbound::monitor::{FEATURES_COUNT, SLIDE_FEATURES_COUNT};
 use slipbound_lab::eval::EvalError;
@@ -45,7 +48,7 @@ fn simulate<T: Send>(from: u64, trials_count: u64, of: impl Fn(u64) -> Result<T,
     found.into_iter().map(|(_, rows)| rows).collect()
 }
 
-/// Mean error and the one stated, by what is said. `of` makes a fraction of a target.
+/// Mean error and stated error, by the estimated value. `of` converts a target to a fraction.
 fn errors(name: &str, told: &[LeftOut], of: impl Fn(f64) -> f64) {
     for (from, to) in [(-1.0, 9.0), (-1.0, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 9.0)] {
         let (mut weights, mut bias, mut error, mut stated) = (0.0, 0.0, 0.0, 0.0);
@@ -65,8 +68,8 @@ fn errors(name: &str, told: &[LeftOut], of: impl Fn(f64) -> f64) {
     }
 }
 
-/// Of objects with a name, by trees fitted without each of them: trials with a false word and trials that slide without a word in their first
-/// three frames, by the probability from which it is said, in one frame or in two in a row.
+/// For named objects, by trees fitted without each of them: trials with a false report, and sliding trials with a
+/// report by their third frame of sliding, by the probability threshold, in one frame or in two in a row.
 fn verdicts(name: &str, rows: &[Row], likely: &[f64]) {
     let trials: Vec<Vec<(&Row, f64)>> = rows
         .iter()
@@ -99,7 +102,7 @@ fn verdicts(name: &str, rows: &[Row], likely: &[f64]) {
     }
 }
 
-/// The trees of all lessons, new ones or those of another table.
+/// The trees of all targets, new ones or those of another table.
 fn table(mut new: impl FnMut(&str) -> Option<String>, old: &str) -> Result<String, String> {
     let of = |name| {
         let trees = new(name).or_else(|| kept(old, name));
@@ -108,7 +111,7 @@ fn table(mut new: impl FnMut(&str) -> Option<String>, old: &str) -> Result<Strin
     lessons().into_iter().map(of).collect()
 }
 
-/// A table for each object, fitted to the rows of all others; stated errors stay those of the old one.
+/// A table for each object, fitted to the rows of all others; stated errors remain those of the old one.
 fn without_each(rows: &[Row], only: &[&str], old: &str, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     std::fs::create_dir_all(folder)?;
     let objects: BTreeSet<&str> = rows.iter().map(|row| row.object.as_str()).collect();
@@ -165,7 +168,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!("{} rows; of objects left out:", rows.len());
         let mut fitted = fitted(&rows, &only);
         for (name, _, told) in &fitted {
-            // The logarithm is taught where the grip force is known.
+            // The target is a logarithm if the grip force is known.
             errors(name, told, if *name == "used" { libm::exp } else { |value| value });
         }
         let of = |name: &str| {

@@ -1,8 +1,8 @@
-//! What a frame costs, part by part, in time on the processor: a sphere at 20 N, sheared, GelSlim, JPEG 85.
+//! CPU time of a frame, part by part: a sphere at 20 N, sheared, GelSlim, JPEG 85.
 //! `cargo run --release -p slipbound-lab --example frame_cost`; results in bench/lab-render.md.
 //!
-//! The mean is of time on the processor (of Linux, /proc/thread-self/schedstat), which leaves out what neighbours take of
-//! it, but not what they push out of the cache. Beside it is the quickest tenth of the frames by the clock.
+//! The mean is of CPU time (Linux: /proc/thread-self/schedstat), which excludes the time that other processes use, but
+//! not the effect of their cache evictions. Beside it is the quickest tenth of the frames by the clock.
 
 use slipbound::port::FrameBuffer;
 use slipbound_lab::contact::shape::Sphere;
@@ -16,7 +16,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 const STEPS_A_FRAME: usize = 4;
 const ROUNDS_COUNT: usize = 10;
 
-/// Time that this thread has run; wall-clock time where the system does not tell.
+/// CPU time of this thread; wall-clock time if the system does not provide it.
 struct Stopwatch {
     start: Instant,
 }

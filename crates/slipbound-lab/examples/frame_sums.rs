@@ -1,5 +1,6 @@
-//! Sums over every frame and its truth, scene by scene, and the time they took: the same before and after a change that is
-//! meant to leave the simulator's bytes as they are. `cargo run --release -p slipbound-lab --example frame_sums`.
+//! Checksums over every frame and its ground truth, scene by scene, and the time they took: equal before and after a
+//! change that should leave the simulator's bytes unchanged.
+//! `cargo run --release -p slipbound-lab --example frame_sums`.
 
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
@@ -15,7 +16,7 @@ const SCENES: [&str; 7] = [
     "shear_and_twist?object=brain_foam&seed=9&surroundings=dirt",
 ];
 
-/// FNV-1a, carried on from `sum`.
+/// FNV-1a, continued from `sum`.
 fn fnv(sum: u64, bytes: &[u8]) -> u64 {
     bytes.iter().fold(sum, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01B3))
 }

@@ -1,4 +1,5 @@
-//! Pictures of the simulated fingers in contact, into out/gallery: `cargo run --release -p slipbound-lab --example gallery`.
+//! Images of the simulated fingers in contact, into out/gallery:
+//! `cargo run --release -p slipbound-lab --example gallery`.
 
 use slipbound::image::SizePx;
 use slipbound::plane::Vec2;

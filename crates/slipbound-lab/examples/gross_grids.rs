@@ -1,4 +1,4 @@
-//! The load at gross slip of every object on both grids, pulled by a ramp of 1 s and of 2 s, without pictures:
+//! The load at gross slip of every object on both grids, pulled by ramps of 1 s and of 2 s, without images:
 //! `cargo run --release -p slipbound-lab --example gross_grids`. Figures are in docs/simulator.md, Limits.
 
 use slipbound_lab::objects::OBJECTS;
@@ -7,8 +7,8 @@ use slipbound_lab::world::World;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// Load over that of full slip, by the rule of the world and by the 99 % of work alone, the latter at the end of a frame; None
-/// where it never comes.
+/// Load over that of full slip, by the rule of the world and by the 99 % of work alone, the latter at the end of a
+/// frame; None without gross slip.
 fn loads(scene: &str) -> Result<[Option<f64>; 2], Failure> {
     let mut world = World::new(&Trial::parse(scene)?)?;
     let mut by_work = None;

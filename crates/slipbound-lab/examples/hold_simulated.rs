@@ -7,7 +7,7 @@ use slipbound::task::{ControllerKind, TaskKind, TaskSettings};
 use slipbound_lab::hand::HandScene;
 use slipbound_lab::lockstep::LockStep;
 
-/// Prints a line whenever a slip begins. A plot, a ROS publisher or a log would hang here in the same way.
+/// Prints a line whenever a slip begins. A plot, a ROS publisher or a log is attached in the same way.
 #[derive(Default)]
 struct Printer {
     slips_count: u32,

@@ -1,5 +1,5 @@
-//! A frame at rest for decoders other than ours, into out/jpeg: the pixels (rest.ppm), the JPEG made of them
-//! (rest.jpg) and where its markers are (markers.csv). `bench/jpeg_places.py` measures what JPEG moved.
+//! A frame at rest for decoders other than ours, into out/jpeg: the pixels (rest.ppm), the JPEG made of them (rest.jpg)
+//! and the positions of its markers (markers.csv). `bench/jpeg_places.py` measures the shift caused by JPEG.
 //! `cargo run --release -p slipbound-lab --example jpeg_places`
 
 use slipbound_lab::contact::{Displacement, FingerSettings};

@@ -1,6 +1,6 @@
-//! What pulls a marker off its true place: the method on simulated pictures with one cause at a time taken away.
-//! `cargo run --release -p slipbound-lab --example marker_errors`; the table is in docs/simulator.md, "The camera". With `-- 90` the frames are told to
-//! be those of a camera at 90 Hz, which is judged in turns.
+//! Causes of marker position errors: the method on simulated images with one cause removed at a time.
+//! `cargo run --release -p slipbound-lab --example marker_errors`; the table is in docs/simulator.md, "The camera".
+//! With `-- 90` the frames are labelled as those of a camera at 90 Hz, for which the monitor's steps take turns.
 
 use slipbound::image::{Frame, Pixels, Rgb};
 use slipbound::monitor::{Marker, RestBuilder, RestKind, Settings, SlipMonitor};
@@ -24,7 +24,7 @@ impl Pressed {
         Surface { grid: &self.grid, displacement: &self.displacement, pressure_mpa: &self.pressure_mpa }
     }
 
-    /// One frame after another until the shift is reached; the monitor is shown all of them.
+    /// One frame after another until the shift is reached; the monitor sees all of them.
     fn by(shape: Option<impl Shape + 'static>, force_n: f64, shift_mm: Vec2) -> Result<Vec<Self>, Failure> {
         let settings = FingerSettings::standard();
         let grid = settings.grid;
@@ -54,21 +54,21 @@ fn photograph(camera: &mut Renderer, surface: &Surface, seed: u64, quality: Opti
     let mut rgb = vec![0; 3 * size.area()];
     camera.render(surface, seed, &mut rgb);
     let Some(quality) = quality else { return Ok(rgb) };
-    let (codec, mut frame) = (Codec::new(size, quality), FrameBuffer::default()); // as a recorded scene
+    let (codec, mut frame) = (Codec::new(size, quality), FrameBuffer::default()); // as in a recorded scene
     codec.encode(&rgb, &mut frame.encoded)?;
     codec.decode(&mut frame)?;
     Ok(frame.pixels)
 }
 
-/// Errors of the places of markers, in px of the rectified image.
+/// Errors of marker positions, in px of the rectified image.
 #[derive(Default)]
 struct Errors {
     count: f64,
     squares: f64,
     sum: Vec2,
-    /// Places more than a pixel off, left out of the above.
+    /// Positions more than a pixel off, left out of the above.
     lost: usize,
-    /// Of the displacement since the object was pressed on and not yet shifted.
+    /// Of the displacement since the object was pressed on, before the shift.
     since_count: f64,
     since_squares: f64,
 }
@@ -76,7 +76,7 @@ struct Errors {
 /// Frame before the shift begins.
 const PRESSED_FRAME: usize = 13;
 
-/// By how much each marker is off the nearest true place; None where it was not found or is more than a pixel off.
+/// Error of each marker to the nearest true position; None if it was not found or is more than a pixel off.
 fn offs(monitor: &SlipMonitor, camera: &Renderer, surface: &Surface) -> Vec<Option<Vec2>> {
     let truth: Vec<Vec2> =
         (0..camera.markers_at_rest_mm().len()).map(|i| camera.marker_rectified_px(i, surface)).collect();

@@ -1,4 +1,4 @@
-//! Prints the validation table of docs/simulator.md. Names of cases as arguments restrict it to them.
+//! Prints the validation table of docs/simulator.md. Names of cases as arguments select cases.
 
 use slipbound_lab::validation::{CASES, TABLE_HEAD};
 use std::process::ExitCode;

@@ -1,18 +1,18 @@
 //! A reference controller that reads load and friction from the simulation. An object that it cannot hold with the same
-//! gripper, or only while it slides, does not count against any controller.
+//! gripper, or holds only while it slides, does not count against any controller.
 
 use crate::hand::SimHand;
 use slipbound::grip::{ArmMotion, GripController, GripDecision, GripLimits, MarginSettings};
 use slipbound::hand::HandReport;
 use slipbound::port::GripperState;
 
-/// Force over the least that holds: room for the ripple of the load.
+/// Force over the required force: reserve for the ripple of the load.
 const OVER: f64 = 1.15;
 
-/// How far ahead the load is reckoned, s: the gripper's delay, lag and one period of the loop.
+/// Prediction horizon of the load, s: the gripper's delay, its lag and one period of the loop.
 const AHEAD_S: f64 = 0.15;
 
-/// Holds with the least force that will be required when the gripper has reached it. Reduces the force at the rate of
+/// Holds with the force that will be required when the gripper has reached it. Reduces the force at the same rate as
 /// the controller `margin`, so that the two differ only in what they know.
 pub struct Clairvoyant {
     hand: SimHand,
@@ -72,7 +72,7 @@ mod tests {
         lockstep.run(&|| false, &mut ()).expect("it runs");
         let score = lockstep.score();
         let over = score.over_squeeze_ratio().expect("more than the least was required");
-        // After a pull the grip falls by no more than 5 N/s: 1.79 times what is required in the mean.
+        // After a pull the grip force falls by no more than 5 N/s: the mean is 1.79 times the required force.
         assert!(score.last.slid_mm < 1.0 && over < 1.9, "slid {} mm, {over}", score.last.slid_mm);
     }
 }

@@ -11,7 +11,7 @@
 //!   displacement, truth        response, strain, truth
 //! ```
 //!
-//! The order is that of `increment`; each box is a file.
+//! The order is that of `increment`; each row is a file.
 
 mod body;
 mod finger;

@@ -1,11 +1,12 @@
-//! Sweeps of trials, judged by every detector on the same frames, and the tables of what came out.
+//! Sweeps of trials: every detector judges the same frames; tables of the results.
 //!
 //! ```text
 //!   protocol, seed --> trials --frames--> detectors --> TrialRecord (a line of trials.jsonl) --> Table
 //!                        `--truth-----------------------'
 //! ```
 //!
-//! A table follows from the records alone, so a sweep that was cut, or spread over machines, ends in the same table.
+//! A table depends on the records alone: an interrupted sweep, or one spread over several machines, gives the same
+//! table.
 //! Definitions of every score: docs/eval.md.
 
 pub mod clips;
@@ -45,12 +46,14 @@ use slipbound::setting::SettingError;
 /// Names of the protocols with simulated trials.
 pub const SIMULATED: [&str; 5] = ["table1", "ramps", "quiet", "unseen", "slides"];
 
-/// The seed of fits, `fit::TRAINING_SEED`, and the protocols whose trials of it something was tuned on: fits take episodes of `quiet` and slides
-/// from there, and thresholds of rivals were set on `table1`. Other trials for fits are drawn otherwise than those of `ramps` and `unseen`.
+/// The seed of the fits, `fit::TRAINING_SEED`, and the protocols of which trials with this seed were used for tuning:
+/// the fits take episodes of `quiet` and of `slides`, and thresholds of rivals were set on `table1`. All other trials
+/// of the fits are drawn differently from those of `ramps` and `unseen`.
 const TUNING_SEED: u64 = 1_000_000;
 const TUNED_ON: [&str; 3] = ["table1", "quiet", "slides"];
 
-/// A simulated protocol by name. `trials`: how many, its own number where None. Refuses the seed of trials that something was tuned on.
+/// A simulated protocol by name. `trials`: how many; None for the protocol's own number. Refuses a seed whose trials
+/// were used for tuning.
 pub fn simulated(name: &str, seed: u64, trials: Option<u64>) -> Result<Box<dyn Protocol>, SettingError> {
     if seed == TUNING_SEED && TUNED_ON.contains(&name) {
         return Err(SettingError {

@@ -1,4 +1,4 @@
-//! What goes wrong between a camera and the method: sources that damage the frames of another one.
+//! Faults between a camera and the method: sources that damage the frames of another source.
 //!
 //! ```text
 //!   FrameSource --> Faulty       { drop, late, stale, torn, blur, dead, drift, flicker } --> FrameSource
@@ -7,7 +7,7 @@
 //!                   from a time on, for good: lost@2:left
 //! ```
 //!
-//! A frame whose pixels are changed is encoded again: what is recorded is what was seen.
+//! A frame whose pixels are changed is encoded again: the recording contains what the method saw.
 
 mod camera;
 mod frames;

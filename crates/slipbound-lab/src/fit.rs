@@ -1,12 +1,13 @@
-//! Fits the tables behind stick ratio and margin (`slipbound::monitor`, step 5) and behind the verdict on gross slip to simulated trials.
+//! Fits the tables behind stick ratio and margin (`slipbound::monitor`, step 5) and behind the gross slip verdict to
+//! simulated trials.
 //!
 //! ```text
 //!   training split (its own seeds) --World--> frames --SlipMonitor--> features              rows
 //!                                     `---------------truth: f, phi, whether it slides ---> rows --boosting--> trees.txt
 //! ```
 //!
-//! A table is judged on objects that it was not fitted to: [`left_out`] fits once for every object without it. The
-//! errors found there are what the shipped estimates state.
+//! A table is evaluated on held-out objects: [`left_out`] fits once for every object without that object. The errors
+//! found there are the stated errors of the shipped estimates.
 
 mod bodies;
 mod boosting;
@@ -23,33 +24,34 @@ pub use split::{TRAINING_SEED, rows_of, training_trial};
 use slipbound::monitor::{FEATURES_COUNT, GEOMETRIC_COUNT};
 use std::collections::BTreeSet;
 
-/// What an ensemble is fitted with.
+/// How an ensemble of values is fitted.
 pub const VALUES: Fitting =
     Fitting { loss: Loss::Squares, trees_count: 200, depth: 6, shrinkage: 0.1, least_rows: 100.0, ridge: 5.0 };
 
-/// What the errors are fitted with.
+/// How the errors are fitted.
 pub const ERRORS: Fitting =
     Fitting { loss: Loss::Squares, trees_count: 30, depth: 3, shrinkage: 0.15, least_rows: 150.0, ridge: 5.0 };
 
-/// What the verdict on gross slip is fitted with.
+/// How the gross slip verdict is fitted.
 pub const GROSS: Fitting =
     Fitting { loss: Loss::Logistic, trees_count: 300, depth: 6, shrinkage: 0.1, least_rows: 30.0, ridge: 3.0 };
 
-/// Where the load is among the features: the first one that needs the grip force.
+/// Index of the load in the features: the first feature that needs the grip force.
 const LOAD: usize = GEOMETRIC_COUNT;
-/// Where `moving` is: it tells for how long a load has grown at its pace, and of a ramp to gross slip how much is left of it. A bottle
-/// that fills for ten seconds is none.
+/// Index of `moving`. It encodes how long a load has grown at its rate, and hence how much of a ramp to gross slip
+/// remains. A bottle that fills for ten seconds is no such ramp.
 const MOVING: usize = 19;
 
-/// Least load feature and used fraction of a frame that teaches anything of the friction: what hardly pulls says nothing of it.
+/// Least load feature and used fraction of a training frame: a frame with hardly any load contains no information on
+/// the friction.
 const LEAST_LOAD: f64 = 0.02;
 const LEAST_USED: f64 = 0.02;
 
-/// Friction at which a row keeps its weight.
+/// Friction at which the weight of a row is unchanged.
 const MIDDLE_MU: f64 = 0.5;
 
-/// A row that teaches the logarithm of the used fraction, None where nothing pulls. A ramp to gross slip passes a given load the faster
-/// the more friction there is, and most of its frames with that load would be of slippery contacts: weights undo that.
+/// Target: the logarithm of the used fraction; None without load. A ramp to gross slip passes a given load faster at
+/// higher friction, so that most frames with that load would be of slippery contacts: the weights compensate for that.
 fn used(row: &Row) -> Option<Row> {
     let [used, _] = row.targets;
     let pulls = row.features[LOAD] > LEAST_LOAD && used > LEAST_USED;
@@ -58,29 +60,29 @@ fn used(row: &Row) -> Option<Row> {
     pulls.then_some(row)
 }
 
-/// A row that teaches the stick ratio.
+/// Target: the stick ratio.
 fn stick(row: &Row) -> Option<Row> {
     Some(Row { targets: [row.targets[1], 0.0], ..row.clone() })
 }
 
-/// A row as an estimate without grip force sees it: it teaches the used fraction.
+/// A row for an estimate without grip force. Target: the used fraction.
 fn alone_used(row: &Row) -> Option<Row> {
     let mut row = row.clone();
     row.features[GEOMETRIC_COUNT..FEATURES_COUNT].fill(0.0);
     Some(row)
 }
 
-/// The same; it teaches the stick ratio.
+/// The same. Target: the stick ratio.
 fn alone_stick(row: &Row) -> Option<Row> {
     alone_used(row).as_ref().and_then(stick)
 }
 
-/// What trees of the table teach, by the names that they have there: from rows to rows whose first target it is.
+/// The ensembles of the table by name, each with the function from a row to the row whose first target it fits.
 type Lesson = (&'static str, fn(&Row) -> Option<Row>);
 const LESSONS: [Lesson; 4] =
     [("used", used), ("stick", stick), ("alone_used", alone_used), ("alone_stick", alone_stick)];
 
-/// What trees say of every row that were fitted without its object.
+/// Predictions for every row by trees fitted without the row's object.
 pub fn left_out<const N: usize>(rows: &[Row], targets: impl Fn(&Row) -> [f64; N], how: &Fitting) -> Vec<[f64; N]> {
     let objects: BTreeSet<&str> = rows.iter().map(|row| row.object.as_str()).collect();
     let mut estimates = vec![[0.0; N]; rows.len()];
@@ -95,7 +97,7 @@ pub fn left_out<const N: usize>(rows: &[Row], targets: impl Fn(&Row) -> [f64; N]
     estimates
 }
 
-/// The prediction for a row by trees fitted without its object, with the error that they state.
+/// The prediction for a row by trees fitted without its object, with the stated error.
 #[derive(Debug, Clone)]
 pub struct LeftOut {
     /// The row; its first target is the true value.
@@ -118,13 +120,13 @@ fn taught(name: &str, rows: &[Row]) -> (String, Vec<LeftOut>) {
     (values.written(name) + &errors.written(&format!("{name}_error")), told)
 }
 
-/// The names of what trees of the table teach: the logarithm of the used fraction, the stick ratio, and used fraction and stick ratio without
+/// Names of the targets: the logarithm of the used fraction, the stick ratio, and used fraction and stick ratio without
 /// the grip force.
 pub fn lessons() -> [&'static str; 4] {
     LESSONS.map(|(name, _)| name)
 }
 
-/// The trees of some lessons with their errors, as `slipbound` reads them, and what they say of rows whose objects are left out.
+/// The trees of some targets with their errors, in the format that `slipbound` reads, and their held-out predictions.
 pub fn fitted(rows: &[Row], names: &[&str]) -> Vec<(&'static str, String, Vec<LeftOut>)> {
     let chosen = LESSONS.into_iter().filter(|(name, _)| names.contains(name));
     std::thread::scope(|scope| {
@@ -133,14 +135,14 @@ pub fn fitted(rows: &[Row], names: &[&str]) -> Vec<(&'static str, String, Vec<Le
             (name, scope.spawn(move || taught(name, &rows)))
         });
         let threads: Vec<_> = threads.collect();
-        // A thread that panics takes this one with it.
+        // A panic of a thread ends this thread too.
         let told = threads.into_iter().map(|(name, thread)| (name, thread.join().expect("no panic")));
         told.map(|(name, (text, told))| (name, text, told)).collect()
     })
 }
 
-/// The trees of a lesson fitted to the rows of all objects but one, with the stated errors of `old`; None where there is no such lesson, or `old` has
-/// none.
+/// The trees of a target fitted to the rows of all objects but one, with the stated errors of `old`. None if there is
+/// no such target, or if `old` has no errors for it.
 pub fn fitted_without(rows: &[Row], object: &str, name: &str, old: &str) -> Option<String> {
     let (_, lesson) = LESSONS.into_iter().find(|(known, _)| *known == name)?;
     let others: Vec<Row> = rows.iter().filter(|row| row.object != object).filter_map(lesson).collect();
@@ -148,12 +150,12 @@ pub fn fitted_without(rows: &[Row], object: &str, name: &str, old: &str) -> Opti
     Some(trees + &section(old, &[&format!("{name}_error")])?)
 }
 
-/// The trees of a lesson and their error in a table, as they are there; None when it has none.
+/// The trees of a target and of its error in a table, unchanged; None if the table has none.
 pub fn kept(table: &str, name: &str) -> Option<String> {
     section(table, &[name, &format!("{name}_error")])
 }
 
-/// The lines of some ensembles of a table.
+/// The lines of some ensembles in a table.
 fn section(table: &str, names: &[&str]) -> Option<String> {
     let own: Vec<String> = names.iter().map(|name| format!("ensemble {name} ")).collect();
     let mut text = String::new();
@@ -170,7 +172,7 @@ fn section(table: &str, names: &[&str]) -> Option<String> {
     (!text.is_empty()).then_some(text)
 }
 
-/// The table of the verdict on gross slip, as `slipbound` reads it, and the probabilities that trees without a row's object say, of the
+/// The table of the gross slip verdict, in the format that `slipbound` reads, and the held-out probabilities of the
 /// rows with the grip force and of those without.
 pub fn gross_table(rows: &[Vec<Row>; 2]) -> (String, [Vec<f64>; 2]) {
     let slides = |row: &Row| [row.targets[0]];
@@ -199,7 +201,7 @@ mod tests {
         assert_eq!((FEATURE_NAMES[LOAD], FEATURE_NAMES[MOVING]), ("load", "moving"));
     }
 
-    /// Ramps to gross slip of contacts whose friction is from 0.2 to 1.3, even by the logarithm.
+    /// Ramps to gross slip with friction coefficients from 0.2 to 1.3, evenly spaced in the logarithm.
     #[test]
     fn at_a_given_load_the_friction_is_even_by_its_logarithm() {
         let mus = (0..400).map(|i| 0.2 * libm::pow(1.3 / 0.2, (f64::from(i) + 0.5) / 400.0));

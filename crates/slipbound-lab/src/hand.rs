@@ -1,4 +1,4 @@
-//! A simulated hand: two soft fingers on a parallel gripper, a wrist, and what they hold, in lock-step.
+//! A simulated hand in lock-step: two soft fingers on a parallel gripper, a wrist, and the held object.
 //!
 //! ```text
 //!   SimGripper --> jaws  --.                         .--> SimCamera 0 (left)
@@ -7,8 +7,8 @@
 //!              advance_frame: 1/30 s in four steps
 //! ```
 //!
-//! Hand and finger frames are those of [`slipbound::hand`], with gravity along X; finger 0 is the left one, 1 the right one. The
-//! wrist turns about X, positive from Y to Z.
+//! Hand and finger frames are those of [`slipbound::hand`], with gravity along X; finger 0 is the left one, 1 the right
+//! one. The wrist turns about X, positive from Y to Z.
 //!
 //! ```
 //! use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Next};
@@ -44,9 +44,9 @@ use slipbound::plane::Vec2;
 use slipbound::sensor::Sensor;
 use slipbound::setting::SettingError;
 
-/// A simulated hand: a handle on it; [`SimHand::camera`], [`SimHand::gripper`], [`SimHand::wrist`] and
-/// [`SimHand::plant`] make the others. All of them can be moved to threads. In lock-step the same calls in the same
-/// order give the same bytes, whichever threads make them.
+/// A handle of a simulated hand. [`SimHand::camera`], [`SimHand::gripper`], [`SimHand::wrist`] and [`SimHand::plant`]
+/// create the other handles. All of them can be moved to threads. In lock-step the same calls in the same order give
+/// the same bytes, whichever threads make them.
 #[derive(Debug, Clone)]
 pub struct SimHand(SharedHand);
 
@@ -72,9 +72,9 @@ impl SimHand {
         SimCamera::new(self.0.clone(), finger)
     }
 
-    /// The world between the jaws, for a gripper and a wrist outside the simulator: emulators behind a real
-    /// wire protocol. From then on they advance the time, in steps of their own; gripper and wrist of this hand refuse
-    /// commands, [`SimHand::advance_frame`] does nothing, and the cameras go on.
+    /// The world between the jaws, for a gripper and a wrist outside the simulator: emulators behind a real wire
+    /// protocol. After this call they advance the time, in their own steps; gripper and wrist of this hand refuse
+    /// commands, [`SimHand::advance_frame`] does nothing, and the cameras continue.
     pub fn plant(&self) -> SimPlant {
         self.0.lock().is_plant = true;
         SimPlant::new(self.0.clone())
@@ -95,8 +95,9 @@ impl SimHand {
         self.0.lock().world.frame()
     }
 
-    /// Advances by 1/30 s: jaws, wrist and contact in four steps. Pictures are rendered when the first of them is read.
-    /// After an error time does not advance; cameras, gripper and wrist then return it, as [`SimHand::error`] does.
+    /// Advances by 1/30 s: jaws, wrist and contact in four steps. Images of all fingers are rendered when the first is
+    /// read. After an error time does not advance; cameras, gripper and wrist then return it, as [`SimHand::error`]
+    /// does.
     pub fn advance_frame(&self) {
         let mut parts = self.0.lock();
         if !parts.is_plant {

@@ -1,4 +1,4 @@
-//! Frames as JPEG: every one is encoded and decoded again, as it would be in a recording.
+//! Frames as JPEG: every frame is encoded and decoded again, as in a recording.
 
 use jpeg_encoder::{ImageBuffer, JpegColorType, SamplingFactor};
 use slipbound::image::SizePx;
@@ -21,8 +21,8 @@ impl Codec {
         Codec { size, quality }
     }
 
-    /// Rows of RGB pixels to a JPEG. Colour has half the resolution along x (4:2:2), as USB cameras send it. Fails
-    /// where there are fewer pixels than the size says.
+    /// Rows of RGB pixels to a JPEG. Colour has half the resolution along x (4:2:2), as USB cameras send it. Fails if
+    /// there are fewer pixels than the size requires.
     pub fn encode(&self, rgb: &[u8], into: &mut Vec<u8>) -> Result<(), SourceError> {
         let SizePx { width, height } = self.size;
         let expected = 3 * self.size.area();
@@ -38,7 +38,7 @@ impl Codec {
         encoder.encode_image(picture).map_err(|e| SourceError::new(SourceErrorKind::Format, e))
     }
 
-    /// `into.encoded` to `into.pixels`. Fails on what is no JPEG of this size.
+    /// `into.encoded` to `into.pixels`. Fails if it is not a JPEG of this size.
     pub fn decode(&self, into: &mut FrameBuffer) -> Result<(), SourceError> {
         let options = DecoderOptions::default().set_strict_mode(true).jpeg_set_out_colorspace(ColorSpace::RGB);
         let mut decoder = zune_jpeg::JpegDecoder::new_with_options(ZCursor::new(into.encoded.as_slice()), options);
@@ -52,11 +52,11 @@ impl Codec {
     }
 }
 
-/// RGB as brightness and colour, each pair of pixels with the colour of its mean.
+/// RGB as luma and chroma; both pixels of a pair have the chroma of their mean.
 ///
-/// The encoder then keeps the first of each pair. Of unpaired colour that would be the colour of the left pixel: all
-/// colour would lie half a pixel too far to the right, as decoders take it for the colour of the middle of the pair.
-/// The encoder's own averaging does the same as this, with a division for every value.
+/// The encoder then keeps the first chroma sample of each pair. Without pairing it would keep that of the left pixel,
+/// and all colour would be shifted half a pixel to the right, because decoders place the sample in the middle of the
+/// pair. The encoder's own averaging has the same result, with a division for every value.
 struct Paired<'a> {
     rgb: &'a [u8],
     width: u16,
@@ -93,9 +93,10 @@ impl ImageBuffer for Paired<'_> {
 }
 
 wide! {
-    /// JFIF's Y, Cb and Cr of at most `CHUNK_PX` pixels, rounded to the nearest. The last of an odd number makes a pair with itself.
+    /// JFIF's Y, Cb and Cr of at most `CHUNK_PX` pixels, rounded to the nearest. With an odd number the last pixel is
+    /// paired with itself.
     fn convert(pixels: &[u8], converted: &mut [[u8; CHUNK_PX]; 3]) {
-        // Added to a number from 0 to 255.5, this leaves the nearest whole number in the lowest bits of the sum.
+        // Added to a number from 0 to 255.5, this leaves the nearest integer in the lowest bits of the sum.
         const WHOLE: f32 = (1 << 23) as f32;
         let ([mut red, mut green, mut blue], count) = ([[0u8; CHUNK_PX]; 3], pixels.len() / 3);
         let planes = red.iter_mut().zip(&mut green).zip(&mut blue);

@@ -1,4 +1,4 @@
-//! The gel as a bonded elastic layer: how far its surface yields to a traction of wave number k.
+//! The gel as a bonded elastic layer: the displacement of its surface under a traction of wave number k.
 //!
 //! ```text
 //!   z = 0  ~~~~~~~~~~~~  tractions q (in plane) and p (pressure) act here
@@ -9,8 +9,8 @@
 //! In Fourier space, with c = k/|k|, q_l = c.q and q_t = c x q, the surface displacement is
 //! u_l = A_l q_l - i C p, u_t = A_t q_t, u_z = i C q_l + A_z p (docs/simulator.md, equations 1 to 5).
 //! Layers of this kind: K. L. Johnson, Contact Mechanics (1985), section 5.8; del Alamo et al., PLoS ONE 8
-//! (2013) e69850. A half-space pulls its surface inward under a press (C < 0); a layer of nearly
-//! incompressible gel pushes it outward (C > 0), which is why the coupling is never dropped here.
+//! (2013) e69850. A half-space pulls its surface inward under pressure (C < 0); a layer of nearly incompressible gel
+//! pushes it outward (C > 0), so the coupling is never neglected.
 
 use serde::{Deserialize, Serialize};
 use slipbound::sensor::Shear;
@@ -134,12 +134,12 @@ pub fn layer_compliance(shear_modulus_mpa: f64, poisson: f64, thickness_mm: f64,
     }
 }
 
-/// Slow extra yielding of the gel: du_v/dt = (share A q - u_v)/time (a standard linear solid, diagonal in Fourier
-/// space). Share 0.05 to 0.15 and time 0.2 to 2 s are estimates, not measurements.
+/// Creep of the gel: du_v/dt = (share A q - u_v)/time (a standard linear solid, diagonal in Fourier space). Share 0.05
+/// to 0.15 and time 0.2 to 2 s are estimates, not measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Creep {
-    /// Displacement that is added in the end, as a share of the immediate one. At least 0.
+    /// Final additional displacement, as a share of the immediate one. At least 0.
     pub share_fraction: f64,
     /// Time constant in seconds, above 0.
     pub time_s: f64,
@@ -155,7 +155,7 @@ pub struct Gel {
     pub poisson_ratio: f64,
     /// Thickness in mm, above 0; 2 to 4 in tactile fingers.
     pub thickness_mm: f64,
-    /// E_f t of a thin skin in N/mm, 0 for none. Good for k up to 1 rad/mm; above that it is too stiff.
+    /// E_f t of a thin skin in N/mm, 0 for none. Valid for k up to 1 rad/mm; above that it is too stiff.
     pub membrane_n_per_mm: f64,
     /// Viscoelastic part, if any.
     pub creep: Option<Creep>,
@@ -174,8 +174,8 @@ impl Gel {
         self.modulus_mpa / (2.0 * (1.0 + self.poisson_ratio))
     }
 
-    /// Its shear stiffness as in a sensor file: the force on the patch around a marker that is displaced by one pitch,
-    /// from G/h of a wide layer.
+    /// Shear stiffness of the gel as in a sensor file: the force on the patch around a marker that is displaced by one
+    /// pitch, from G/h of a wide layer.
     pub fn shear_of_marker(&self, pitch_mm: f64) -> Shear {
         Shear {
             stiffness_n_per_pitch: self.shear_modulus_mpa() / self.thickness_mm * pitch_mm * pitch_mm * pitch_mm,
@@ -218,8 +218,8 @@ impl Gel {
     }
 }
 
-/// A soft object in series with the gel: a layer on a rigid core. Only its local yielding is modelled; markers
-/// move with the gel's part alone.
+/// A soft object in series with the gel: a layer on a rigid core. Only its local compliance is modelled; markers move
+/// with the gel's part alone.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SoftObject {

@@ -1,5 +1,5 @@
-//! Simulated soft fingers: the contact of a soft, bonded gel pad with an object, with exact truth of what
-//! sticks and what slips.
+//! Simulated soft fingers: the contact of a soft, bonded gel pad with an object, with exact ground truth of what sticks
+//! and what slips.
 //!
 //! ```text
 //!        object  (pose, roll, force, wrench)
@@ -26,7 +26,7 @@
 //! assert!(truth.wrench.force_n.x > 1.0 && truth.stick_ratio.unwrap() < 1.0);
 //! ```
 //!
-//! A whole trial, with its camera and its truth, is a line of text ([`scenes`]) and a source of frames ([`world`]):
+//! A whole trial, with its camera and ground truth, is a line of text ([`scenes`]) and a source of frames ([`world`]):
 //!
 //! ```
 //! use slipbound::port::{FrameBuffer, FrameSource, Next};

@@ -1,4 +1,5 @@
-//! The control loop around a simulated hand, in lock-step: a cycle, then 1/30 s of the world, as fast as the computer.
+//! The control loop around a simulated hand, in lock-step: one cycle, then 1/30 s of the world, as fast as the computer
+//! allows.
 //!
 //! ```text
 //!   SimHand cameras --> ControlLoop::cycle --> Actuators (the simulator's own, or drivers and emulators) --> SimHand
@@ -21,11 +22,10 @@ use slipbound::port::{FrameSource, Gripper, Wrist};
 use slipbound::setting::SettingError;
 use slipbound::task::{Task, TaskSettings};
 
-/// Frames that the world goes on for after the loop was left: what is held then is held on, or is not, and that shows
-/// within two seconds.
+/// Frames that the world continues for after the loop was left: two seconds show whether the object stays held.
 const FRAMES_AFTER_LEAVING_COUNT: u32 = 60;
 
-/// Cycles after the end of a task: half a second in which a hold that was none would show.
+/// Cycles after the end of a task: a failed hold becomes visible within half a second.
 const CYCLES_AFTER_END_COUNT: u32 = 15;
 
 /// Sides of the fingers 0 and 1.
@@ -40,7 +40,7 @@ pub trait Actuators {
     fn advance_frame(&mut self, hand: &SimHand);
 }
 
-/// The simulator's own gripper and wrist, without any protocol between.
+/// The simulator's own gripper and wrist, without a protocol in between.
 struct Direct {
     gripper: SimGripper,
     wrist: SimWrist,
@@ -62,7 +62,7 @@ pub enum LockStepError {
     /// The loop ended with an error.
     #[error(transparent)]
     Control(#[from] ControlError),
-    /// The simulated world cannot go on.
+    /// The simulated world cannot continue.
     #[error("the simulated hand: {0}")]
     World(#[from] SettingError),
 }
@@ -75,7 +75,7 @@ pub struct LockStep {
     score: RunScore,
 }
 
-/// A finger of a simulated hand: its name is that of its side, its mounting too unless they are taken for each other.
+/// A finger of a simulated hand. Its name is that of its side; so is its mounting, unless the two fingers are swapped.
 pub fn finger(
     hand: &SimHand,
     finger: usize,
@@ -103,7 +103,7 @@ impl LockStep {
         LockStep::around(scene, hand, task, monitor, fault)
     }
 
-    /// The same around a user's own task, or a task with a user's own controller. `hand` is that of the scene.
+    /// The same around a user's own task, or a task with a user's own controller. `hand` is the hand of the scene.
     pub fn around(
         scene: &HandScene,
         hand: SimHand,
@@ -144,8 +144,8 @@ impl LockStep {
         &self.score
     }
 
-    /// Runs cycles until the task has ended and half a second longer, or the scene has; `stop` ends it with
-    /// [`ControlError::Interrupted`], the wrist paused and the grip kept.
+    /// Runs cycles until half a second after the end of the task, or until the scene ends. `stop` ends the run with
+    /// [`ControlError::Interrupted`]: the wrist is paused and the grip kept.
     pub fn run(&mut self, stop: &dyn Fn() -> bool, observer: &mut dyn CycleObserver) -> Result<(), LockStepError> {
         let mut after_count = 0;
         loop {
@@ -164,8 +164,8 @@ impl LockStep {
         }
     }
 
-    /// One cycle of the loop, then 1/30 s of the world, for callers that drive it cycle by cycle. The truth is of the
-    /// time of the frames. After an error the loop has been left.
+    /// One cycle of the loop, then 1/30 s of the world, for callers that drive it cycle by cycle. The ground truth is
+    /// of the time of the frames. After an error the loop has been left.
     pub fn cycle(&mut self, observer: &mut dyn CycleObserver) -> Result<CycleOutcome, LockStepError> {
         let (now_ns, truth) = (self.hand.now_ns(), self.hand.truth());
         let mut observer = WithTruth { observer, truth: truth.record() };
@@ -188,7 +188,8 @@ impl LockStep {
         }
     }
 
-    /// Leaves the hand before its task has ended: the wrist pauses, the grip stays, and the world goes on for two seconds.
+    /// Leaves the hand before its task has ended: the wrist pauses, the grip stays, and the world continues for two
+    /// seconds.
     pub fn leave(&mut self) {
         let (gripper, wrist) = self.actuators.ports();
         self.control.leave(gripper, wrist);
@@ -200,7 +201,7 @@ impl LockStep {
     }
 }
 
-/// Shows an observer what is true besides.
+/// Adds the ground truth to what an observer sees.
 struct WithTruth<'a> {
     observer: &'a mut dyn CycleObserver,
     truth: PlantTruth,

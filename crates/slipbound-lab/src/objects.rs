@@ -1,12 +1,12 @@
-//! The objects of the paper, and a bottle cap: an entry each, see [`OBJECTS`].
+//! The objects of the paper, and a bottle cap: one entry each, see [`OBJECTS`].
 //!
 //! ```text
 //!   Object = form (what the hand feels) + relief (what is cut into it) + stuff (softness, friction, mass)
 //! ```
 //!
-//! Every number of shape, stiffness and friction is an ESTIMATE of ours from the kind of object; none was measured
-//! on the objects of the paper, which are not published with their sizes. Only the part that faces the pad is
-//! described: a bottle is the piece of cylinder that fits on it.
+//! Every value of shape, stiffness and friction is an ESTIMATE of ours from the kind of object; none was measured on
+//! the objects of the paper, whose sizes are not published. Only the part that faces the pad is described: a bottle is
+//! the piece of cylinder that fits on the pad.
 
 mod form;
 mod library;
@@ -62,7 +62,7 @@ mod tests {
     fn relief_turns_with_an_object_that_rolls() {
         let surface = Object::named("screwdriver").expect("there is one").surface();
         let at = |centre_y: f64, skin_y: f64| surface.gap_mm(Vec2::new(0.0, centre_y), Vec2::new(0.0, skin_y));
-        // Six flutes on a radius of 13 mm: one comes by every 13.6 mm of way.
+        // Six flutes on a radius of 13 mm: one flute every 13.6 mm of travel.
         let way_mm = std::f64::consts::TAU * 13.0 / 6.0;
         assert!((at(0.0, 0.0) - at(0.0, way_mm)).abs() < 1e-12);
         assert!(at(0.0, 0.5 * way_mm) > 0.7, "half a flute further the ridge has gone");

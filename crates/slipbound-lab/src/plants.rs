@@ -1,13 +1,13 @@
-//! What a hand holds, beyond its touch on the pads: a cap in its thread, a bottle that fills, a tool over the ground.
+//! The held object beyond its contact with the pads: a cap in its thread, a bottle that fills, a tool over the ground.
 //!
 //! ```text
 //!   hand (wrist angle, lowered, force) --> HeldObject::contact_input --> drive, pose, roll, wrench --> Finger::step
 //!                                          HeldObject::after_step <----- where the object went, what the pads carry
 //! ```
 //!
-//! One of two identical fingers is computed, the left one; all planes and signs here are those of its frame: x down
-//! along the finger, y = -Y of the hand, z = -Z, into its gel. The right finger feels the same or the mirror image,
-//! see [`Symmetry`].
+//! One of two identical fingers is computed, the left one; all planes and signs here are in its frame: x down along the
+//! finger, y = -Y of the hand, z = -Z, into its gel. The right finger has the same contact or its mirror image, see
+//! [`Symmetry`].
 
 mod bottle;
 mod cap;

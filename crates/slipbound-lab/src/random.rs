@@ -1,4 +1,4 @@
-//! Numbers that look random and are the same for the same seed, on every machine.
+//! Pseudo-random numbers that are the same for the same seed on every machine.
 
 /// A stream of numbers from a seed: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -12,7 +12,7 @@ impl Random {
         Random { state: seed }
     }
 
-    /// The stream of one of many things that share a seed: a frame, a fault.
+    /// The stream of one of several items that share a seed: a frame, a fault.
     pub fn of(seed: u64, thing: u64) -> Self {
         Random { state: Random::new(seed).next_u64() ^ Random::new(!thing).next_u64() }
     }

@@ -1,4 +1,4 @@
-//! A trial as a folder that can be replayed, scored and made again.
+//! A trial as a folder that can be replayed, scored and generated again.
 //!
 //! ```text
 //!   FOLDER/frame_000000.jpg ...   frames, named by their numbers
@@ -21,10 +21,10 @@ use std::path::{Path, PathBuf};
 /// Why a trial was not recorded.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
-    /// The trial is refused.
+    /// The trial is invalid.
     #[error(transparent)]
     Setting(#[from] SettingError),
-    /// There is something in the folder already.
+    /// The folder is not empty.
     #[error("{path}: expected an empty or a new folder, got one with files in it", path = .path.display())]
     NotEmpty {
         /// The folder.
@@ -46,7 +46,7 @@ pub enum RecordError {
         /// Why.
         problem: String,
     },
-    /// The picture of a frame cannot be made.
+    /// The image of a frame cannot be generated.
     #[error("frame {frame}: {source}")]
     Frame {
         /// Its number.
@@ -80,7 +80,7 @@ pub struct Recorded {
 /// A scene file.
 #[derive(Debug, Serialize, Deserialize)]
 struct SceneFile {
-    /// The version that wrote it; another one may make other frames.
+    /// The version that wrote the file; another version may generate other frames.
     #[serde(default)]
     software_version: String,
     #[serde(flatten)]
@@ -90,7 +90,7 @@ struct SceneFile {
 /// Its keys.
 const SCENE_KEYS: [&str; 4] = ["software_version", "scene", "seed", "set"];
 
-/// Longest scene file, bytes: a file that is none, or a device that never ends, is read no further.
+/// Longest scene file, bytes: the limit for a file that is not a scene file, or a device that never ends.
 const MOST_BYTES: u64 = 1 << 20;
 
 /// Reads the trial of a scene file.
@@ -103,7 +103,7 @@ pub fn read_scene(path: &Path) -> Result<Trial, RecordError> {
         return Err(bad(format!("expected at most {MOST_BYTES} bytes, got more")));
     }
     let table: toml::Table = toml::from_str(&text).map_err(|error| bad(error.message().to_owned()))?;
-    // The flattened trial takes every key for its own, and passes over those that are not.
+    // The flattened trial accepts every key and ignores unknown ones.
     if let Some(unknown) = table.keys().find(|key| !SCENE_KEYS.contains(&key.as_str())) {
         let meant = nearest(unknown, &SCENE_KEYS).map_or_else(String::new, |key| format!("; did you mean `{key}`?"));
         return Err(bad(format!("unknown key `{unknown}`{meant}")));
@@ -112,7 +112,7 @@ pub fn read_scene(path: &Path) -> Result<Trial, RecordError> {
     Ok(file.trial)
 }
 
-/// Runs a trial and writes it to a folder. `go_on` is called after every frame; false stops.
+/// Runs a trial and writes it to a folder. `go_on` is called after every frame; false stops the run.
 pub fn record(
     trial: &Trial,
     folder: &Path,
@@ -180,7 +180,7 @@ fn write_truth(path: &Path, world: &World, truths: &[FrameTruth]) -> Result<(), 
     to.flush().map_err(failed)
 }
 
-/// Makes a folder within `whole`, which must hold nothing yet.
+/// Makes a folder within `whole`, which must be empty.
 fn make_empty(folder: &Path, whole: &Path) -> Result<(), RecordError> {
     let failed = |source| RecordError::Write { path: whole.to_owned(), source };
     match fs::read_dir(whole).map(|mut entries| entries.next().is_some()) {

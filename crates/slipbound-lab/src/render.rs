@@ -1,4 +1,4 @@
-//! The camera behind the gel: surface of the gel -> colour picture, and the true place of every marker in it.
+//! The camera behind the gel: surface of the gel -> colour image, and the true position of every marker in it.
 //!
 //! ```text
 //!   contact cells: displacement, pressure
@@ -7,7 +7,7 @@
 //!   pixels: light * (1 + shade + texture) * (1 - dot), blurred, with noise
 //! ```
 //!
-//! The model is that of docs/simulator.md, "The camera". Same settings and seeds, same bytes.
+//! The model is described in docs/simulator.md, "The camera". Same settings and seeds, same bytes.
 
 mod atlas;
 mod nodes;
@@ -34,12 +34,12 @@ use std::ops::Range;
 use surroundings::{Backdrop, bell};
 use view::View;
 
-/// Numbers kept before they repeat at another offset; a power of two.
+/// Noise samples that are stored and reused from different offsets; a power of two.
 const NOISE_COUNT: usize = 1 << 15;
-/// What the noise of a frame is drawn for, beside its seed.
+/// Stream of the frame noise, combined with its seed.
 const NOISE: u64 = 0x5EED;
 
-/// One camera with its skin; owns all memory a frame needs.
+/// One camera with its skin; owns all memory that a frame needs.
 #[derive(Debug, Clone)]
 pub struct Renderer {
     settings: CameraSettings,
@@ -47,9 +47,10 @@ pub struct Renderer {
     view: View,
     atlas: Atlas,
     nodes: Nodes,
-    /// Light of every pixel, levels; glare included. Of each row the red, then the green, then the blue, as all rows below.
+    /// Light of every pixel, levels, including glare. Each row is planar: red, then green, then blue, as are all rows
+    /// below.
     light_levels: Vec<f32>,
-    /// How much of every pixel is gel: 0 beyond it, 1 on it.
+    /// Gel coverage of every pixel: 0 beyond the gel, 1 on it.
     gel: Vec<f32>,
     /// The pixels of each row that show the gel; the others show the housing, which never changes.
     spans: Vec<Range<usize>>,
@@ -58,21 +59,21 @@ pub struct Renderer {
     threads: Vec<f32>,
     /// A row of levels before blur and noise.
     ideal: Vec<f32>,
-    /// The last five rows, blurred along themselves.
+    /// The last five rows, blurred along x.
     softened: [Vec<f32>; 5],
     blur: [f32; 3],
-    /// A row of levels before noise, and of bytes after it.
+    /// A row of levels before noise, and of bytes after noise.
     levels: Vec<f32>,
     bytes: Vec<u8>,
-    /// Every third number of the noise, from the first, the second and the third on: a colour of a row is one run of it.
+    /// Every third noise sample, starting from the first, the second and the third: a colour of a row is one run of it.
     noise: [Vec<f32>; 3],
     stuck: Vec<(usize, u8)>,
-    /// The levels of the last frame without noise, once a second frame in a row shows the gel unmoved; else empty.
+    /// The levels of the last frame without noise, once two frames in a row show the gel unmoved; otherwise empty.
     still_levels: Vec<f32>,
 }
 
 impl Renderer {
-    /// GelSlim of the paper; the seed decides where its dots, threads and defects lie.
+    /// GelSlim of the paper; the seed determines the positions of dots, threads and defects.
     pub fn gelslim(seed: u64) -> Self {
         Self::new(CameraSettings::gelslim(), seed)
     }
@@ -82,7 +83,7 @@ impl Renderer {
         Self::new(CameraSettings::gelsight_mini(), seed)
     }
 
-    /// A camera and a skin; the seed decides where the dots, threads and defects of the skin lie.
+    /// A camera and a skin; the seed determines the positions of the skin's dots, threads and defects.
     pub fn new(settings: CameraSettings, seed: u64) -> Self {
         let mut random = Random::of(seed, 0xCA3E);
         let view = View::new(&settings);
@@ -141,37 +142,37 @@ impl Renderer {
         Self::new(CameraSettings { surroundings, ..self.settings }, self.seed)
     }
 
-    /// Size of the pictures.
+    /// Size of the images.
     pub fn size(&self) -> SizePx {
         self.settings.sensor.image_px
     }
 
-    /// The matching facts for the method.
+    /// The matching sensor facts for the method.
     pub fn sensor(&self) -> Sensor {
         self.settings.sensor.clone()
     }
 
-    /// Where the markers lie on the untouched gel, in the finger frame.
+    /// Positions of the markers on the untouched gel, in the finger frame.
     pub fn markers_at_rest_mm(&self) -> &[Vec2] {
         self.atlas.markers_mm()
     }
 
-    /// Where the camera image, as delivered, shows the middle of a marker.
+    /// Position of the centre of a marker in the camera image, as delivered.
     pub fn marker_px(&self, marker: usize, surface: &Surface) -> Vec2 {
         self.view.camera_from_plane(self.view.seen_at(self.markers_at_rest_mm()[marker], surface))
     }
 
-    /// Where the rectified image shows it.
+    /// Its position in the rectified image.
     pub fn marker_rectified_px(&self, marker: usize, surface: &Surface) -> Vec2 {
         self.view.rectified_from_plane(self.view.seen_at(self.markers_at_rest_mm()[marker], surface))
     }
 
-    /// Where the rectified image shows a point of the gel that lies at `rest_mm` when nothing touches it.
+    /// Position in the rectified image of the point of the gel that is at `rest_mm` when nothing touches the gel.
     pub fn rectified_px(&self, rest_mm: Vec2, surface: &Surface) -> Vec2 {
         self.view.rectified_from_plane(self.view.seen_at(rest_mm, surface))
     }
 
-    /// Draws the gel; `frame_seed` decides the noise. `rgb`: rows of red, green, blue without gaps.
+    /// Draws the gel; `frame_seed` determines the noise. `rgb`: rows of red, green, blue without gaps.
     pub fn render(&mut self, surface: &Surface, frame_seed: u64, rgb: &mut [u8]) {
         assert_eq!(rgb.len(), 3 * self.size().area(), "picture of another size");
         if self.nodes.look(surface, &self.settings.texture) {
@@ -210,8 +211,8 @@ impl Renderer {
         }
     }
 
-    /// The blur of the lens, five taps each way, and the noise of the sensor with its stuck pixels. `keep`: the levels
-    /// without noise are kept for the next frame.
+    /// The blur of the lens, five taps each way, and the noise of the sensor with its stuck pixels. `keep`: whether the
+    /// levels without noise are kept for the next frame.
     fn expose(&mut self, frame_seed: u64, rgb: &mut [u8], keep: bool) {
         let mut random = Random::of(frame_seed, NOISE);
         let SizePx { width, height } = self.size();
@@ -225,7 +226,7 @@ impl Renderer {
                 }
             }
             let Some(y) = below.checked_sub(2) else { continue };
-            // Beyond the border, the outermost rows once more.
+            // Beyond the border the outermost rows repeat.
             let row = |y: usize| &self.softened[y.min(height - 1) % 5][..line];
             let five = [row(y.saturating_sub(2)), row(y.saturating_sub(1)), row(y), row(y + 1), row(y + 2)];
             rows::blurred_across(five, self.blur, &mut self.levels);
@@ -237,7 +238,7 @@ impl Renderer {
         self.stick(rgb);
     }
 
-    /// Another frame of the gel unmoved: the noise alone is new.
+    /// Another frame of the unmoved gel: only the noise is new.
     fn expose_again(&mut self, frame_seed: u64, rgb: &mut [u8]) {
         let mut random = Random::of(frame_seed, NOISE);
         let line = 3 * self.size().width;
@@ -269,7 +270,7 @@ impl Renderer {
     }
 }
 
-/// Light of red, green and blue at pixel `i`, in levels, and how much of it is gel.
+/// Light of red, green and blue at pixel `i`, in levels, and its gel coverage.
 fn pixel(settings: &CameraSettings, view: &View, backdrop: &Backdrop, i: usize) -> ([f32; 3], f32) {
     let size = settings.sensor.image_px;
     let at = Vec2::new((i % size.width) as f64, (i / size.width) as f64);
@@ -322,7 +323,7 @@ fn glint(plane_mm: Vec2) -> f64 {
             let d = plane_mm - middle;
             let (along, across) = (d.x * 0.5 + d.y * 0.87, d.x * 0.87 - d.y * 0.5);
             let scaled = Vec2::new(along / 0.7, across / 0.07);
-            // Where it is below the least number there is.
+            // Where the result would be below the least representable number.
             if scaled.length_squared() > 1500.0 { 0.0 } else { bell(scaled.length()) }
         })
         .sum()

@@ -1,12 +1,12 @@
-//! Slip detectors of the literature beside ours, all on the markers and the contact that our monitor finds.
+//! Slip detectors of the literature to compare with ours, all on the markers and the contact that our monitor finds.
 //!
 //! ```text
 //!   frame --> SlipMonitor --markers, contact, imprint--> Detector --> score, alarm
 //! ```
 //!
-//! A score is continuous and causal: it knows nothing of later frames, and the larger it is the more it speaks for slip.
-//! Thresholds of rivals are the published ones where there are any, else set on trials that no table counts; the
-//! file of a rival says which.
+//! A score is continuous and causal: it uses no later frames, and a larger score means stronger evidence of slip. The
+//! thresholds of rivals are the published ones where they exist, otherwise they were set on trials that no table
+//! counts; the file of a rival says which.
 
 mod centre_rim;
 mod detector;
@@ -30,7 +30,7 @@ pub use paper::{Paper, PaperAsWritten};
 use slipbound::monitor::Settings;
 use slipbound::setting::SettingError;
 
-/// What the monitor behind a detector is given.
+/// Inputs of the monitor behind a detector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Inputs {
     /// Frames, and the grip force as the gripper reads it.
@@ -50,7 +50,7 @@ impl Inputs {
         }
     }
 
-    /// Whether the monitor is told the grip force.
+    /// Whether the monitor receives the grip force.
     pub fn has_force(self) -> bool {
         self == Inputs::FramesAndForce
     }
@@ -61,20 +61,20 @@ impl Inputs {
 pub struct Entry {
     /// Its name in records and tables.
     pub name: &'static str,
-    /// What it is, in a line.
+    /// Description in one line.
     pub what: &'static str,
-    /// What its monitor is given.
+    /// Inputs of its monitor.
     pub inputs: Inputs,
     make: fn() -> Box<dyn Detector>,
 }
 
 impl Entry {
-    /// One that has seen nothing yet.
+    /// A new detector that has seen no frame.
     pub fn make(&self) -> Box<dyn Detector> {
         (self.make)()
     }
 
-    /// Whether it says nothing where no grip force is known, as of a recording.
+    /// Whether it gives no result without a known grip force, as with a recording.
     pub fn needs_force(&self) -> bool {
         self.inputs.has_force() && !self.is_ours()
     }

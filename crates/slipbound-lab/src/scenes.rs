@@ -1,4 +1,4 @@
-//! Named trials: what happens to the finger, with parameters. Shared by tests, benches, the command and Python.
+//! Named trials with parameters. Shared by tests, benches, the command line and Python.
 //!
 //! ```text
 //!   "ramp?object=scissors&force_n=15&seed=3"

@@ -1,4 +1,4 @@
-//! The score of a simulated run, from the truth: did the task do what it is for, with how much force.
+//! The score of a simulated run, from the ground truth: whether the task reached its goal, and with how much force.
 //!
 //! ```text
 //!   every cycle: time, phase, commanded force, alarms, HandTruth --> RunScore --> succeeded, over-squeeze, ...
@@ -7,55 +7,56 @@
 use crate::hand::HandTruth;
 use slipbound::task::{Ending, Phase, TaskKind};
 
-/// Least force of the gripper, N per finger: what a perfect controller would still press with.
+/// Least force of the gripper, N per finger: even a perfect controller cannot press with less.
 const LEAST_GRIP_N: f64 = 5.0;
 
-/// Radius of the cap, mm, and the force per finger, N, for the largest torque that the fingers can exert.
+/// Radius of the cap, mm, and the force per finger, N, of the largest torque that the fingers can exert.
 const CAP_RADIUS_MM: f64 = 14.0;
 const FULL_GRIP_N: f64 = 60.0;
 
-/// Least share of that torque with which a cap is tight: what the task is for.
+/// Least share of that torque at which a cap counts as tight: the goal of the task.
 const TIGHT_FRACTION: f64 = 0.9;
 
-/// Turn after which a cap has broken loose, rad: 2 deg, within which it loses most of its torque.
+/// Turn after which a cap counts as broken loose, rad: 2 deg, within which it loses most of its torque.
 const OPEN_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 
-/// Most force on the ground while a tool is put down: this many times its weight, or this force, N.
+/// Limit of the force on the ground while a tool is put down: this many times its weight, or this force, N.
 const GROUND_WEIGHTS: f64 = 1.5;
 const GROUND_N: f64 = 3.0;
 
-/// Furthest fall of a tool when it is let go, mm.
+/// Largest permitted fall of a released tool, mm.
 const DROP_MM: f64 = 1.0;
 
-/// Most force on the ground while a tool of this weight is put down, N.
+/// Limit of the force on the ground while a tool of this weight is put down, N.
 pub fn most_ground_n(weight_n: f64) -> f64 {
     (GROUND_WEIGHTS * weight_n).max(GROUND_N)
 }
 
-/// What adds up over a run.
+/// Sums and extremes over a run.
 #[derive(Debug, Clone, Default)]
 pub struct RunScore {
-    /// How the task ended; None when the scene was over before.
+    /// How the task ended; None if the scene ended first.
     pub ending: Option<Ending>,
     /// When, s.
     pub ended_s: Option<f64>,
     /// Time of the last cycle, s.
     pub time_s: f64,
-    /// Incipient slips that the controller answered, or would have had it not been at its limit.
+    /// Incipient slips that the controller answered, or would have answered had it not been at its limit.
     pub alarms_count: u32,
     /// Largest commanded force, N per finger.
     pub most_n: f64,
-    /// Least force from the end of grasping until the object was let go, N per finger; None when the task never came so far.
+    /// Least force from the end of grasping until the object was released, N per finger; None if the task never got
+    /// that far.
     pub least_held_n: Option<f64>,
     /// The truth at the end.
     pub last: HandTruth,
-    /// How far the object slid through the fingers before it was let go, mm.
+    /// How far the object slid through the fingers before it was released, mm.
     pub slid_mm: f64,
     /// Largest torque on a cap, N mm.
     pub torque_n_mm: f64,
-    /// Torque on a cap that the largest grip can exert by friction, N mm; None until a cap has been gripped.
+    /// Largest torque on a cap that friction can transmit at the largest grip, N mm; None until a cap has been gripped.
     full_torque_n_mm: Option<f64>,
-    /// Sums over the cycles in which more than the least grip was required.
+    /// Sums over the cycles that required more than the gripper's least force.
     pressed_sum_n: f64,
     required_sum_n: f64,
     first_alarm_used_fraction: Option<f64>,
@@ -63,8 +64,8 @@ pub struct RunScore {
 }
 
 impl RunScore {
-    /// Takes the next cycle: its time, the phase of the task, the force per finger that was commanded (None for a
-    /// release), the controller's count of alarms so far, and what was true then, where that is known.
+    /// Adds a cycle: its time, the phase of the task, the force per finger that was commanded (None for a release), the
+    /// controller's count of alarms so far, and the ground truth at that time, if known.
     pub fn add_cycle(
         &mut self,
         now_ns: u64,
@@ -102,7 +103,7 @@ impl RunScore {
         }
     }
 
-    /// Takes what is true when no commands went out: the loop waits, or has been left.
+    /// Adds the ground truth of a time without commands: the loop waits, or has been left.
     pub fn add_truth(&mut self, truth: &HandTruth) {
         if !self.let_go {
             if let Some(least_n) = &mut self.least_held_n {
@@ -113,15 +114,15 @@ impl RunScore {
         self.last.clone_from(truth);
     }
 
-    /// Whether the task did what it is for: it ended as it should, and in truth, where that is known, a cap was tight or has broken loose, a bottle
-    /// did not slide, a tool was put down softly.
+    /// Whether the task reached its goal: it ended as it should, and according to the ground truth, if known, a cap is
+    /// tight or has broken loose, a bottle did not slide, a tool was put down softly.
     pub fn succeeded(&self, kind: TaskKind) -> bool {
         match kind {
             TaskKind::Screw => match self.ending {
                 Some(Ending::Tight) => {
                     self.full_torque_n_mm.is_none_or(|n_mm| self.torque_n_mm >= TIGHT_FRACTION * n_mm)
                 }
-                // The paper's law: half of the torque may be unused then.
+                // With the paper's control law half of the torque may be unused at this point.
                 Some(Ending::SlipAtMost) => true,
                 _ => false,
             },
@@ -139,14 +140,15 @@ impl RunScore {
         }
     }
 
-    /// Whether the object was lost, by what the gripper says or in truth: it slid out of the fingers or fell.
+    /// Whether the object was lost, according to the gripper or the ground truth: it slid out of the fingers or fell.
     pub fn is_object_lost(&self) -> bool {
         let bottle = self.last.bottle.is_some_and(|bottle| bottle.dropped);
         let tool = self.last.ground.is_some_and(|ground| ground.dropped);
         self.ending == Some(Ending::Lost) || bottle || tool
     }
 
-    /// Mean force over mean required force, while more than the gripper's least was required; None when it never was.
+    /// Mean force over mean required force, over the cycles that required more than the gripper's least; None without
+    /// these.
     pub fn over_squeeze_ratio(&self) -> Option<f64> {
         (self.required_sum_n > 0.0).then(|| self.pressed_sum_n / self.required_sum_n)
     }
@@ -157,7 +159,7 @@ impl RunScore {
         Some(self.torque_n_mm / (2.0 * mu * FULL_GRIP_N * CAP_RADIUS_MM))
     }
 
-    /// Share of the friction that was used at the first alarm; None without one.
+    /// Share of the friction that was used at the first alarm; None without an alarm.
     pub fn first_alarm_used_fraction(&self) -> Option<f64> {
         self.first_alarm_used_fraction
     }
@@ -234,7 +236,7 @@ mod tests {
             assert!(!RunScore::default().succeeded(kind), "{kind:?}: the scene was over before");
         }
         assert!(ended(Ending::SlipAtMost).succeeded(TaskKind::Screw));
-        // At 30 N of 60 friction carries 504 N mm of 1008.
+        // At 30 N of 60 N friction transmits 504 N mm of 1008.
         let turned = |ending: Ending, torque_n_mm: f64, angle_rad: f64| {
             let cap = CapTruth { torque_n_mm, limit_n_mm: 504.0, angle_rad, ..CapTruth::default() };
             let mut score = RunScore::default();

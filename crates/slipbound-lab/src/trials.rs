@@ -14,12 +14,12 @@ use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Who controls the grip in a trial.
+/// The controller of the grip in a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Controls {
-    /// A controller that feels.
+    /// A controller that uses the sensors.
     Feeling(ControllerKind),
-    /// One that knows load and friction from the simulation: [`Clairvoyant`].
+    /// The one that knows load and friction from the simulation: [`Clairvoyant`].
     Clairvoyant,
 }
 
@@ -49,12 +49,12 @@ impl FromStr for Controls {
     }
 }
 
-/// What is varied: every combination is a cell of the table, every seed a run in it.
+/// The varied parameters: every combination is a cell of the table, every seed a run in it.
 #[derive(Debug, Clone)]
 pub struct TrialGrid {
     /// Tasks.
     pub tasks: Vec<TaskKind>,
-    /// Objects, or `task` for the one of the task.
+    /// Objects, or `task` for the task's own object.
     pub objects: Vec<String>,
     /// Friction coefficients, or `object`.
     pub mu: Vec<String>,
@@ -71,7 +71,7 @@ pub struct TrialGrid {
 /// A cell of the table: the same task and controller with several seeds.
 #[derive(Debug, Clone)]
 pub struct TrialCell {
-    /// Object and friction, as they were named.
+    /// Object and friction, as named by the caller.
     names: [String; 2],
     task: TaskKind,
     controller: Controls,
@@ -82,7 +82,7 @@ pub struct TrialCell {
 /// A run that failed: its scene, and why.
 #[derive(Debug, thiserror::Error)]
 pub enum TrialError {
-    /// A run could not be begun or finished.
+    /// A run could not be started or finished.
     #[error("{scene}: {source}")]
     Run {
         /// The scene.
@@ -90,13 +90,13 @@ pub enum TrialError {
         /// Why.
         source: LockStepError,
     },
-    /// Whoever asked for it did not want to go on.
+    /// The caller stopped the trials.
     #[error("interrupted")]
     Interrupted,
 }
 
 impl TrialGrid {
-    /// The cells, in the order in which they are varied. Refuses scenes that cannot be.
+    /// The cells, in the order in which they are varied. Refuses invalid scenes.
     pub fn cells(&self) -> Result<Vec<TrialCell>, SettingError> {
         let mut cells = Vec::new();
         for &task in &self.tasks {
@@ -127,7 +127,7 @@ impl TrialGrid {
 }
 
 impl TrialCell {
-    /// How many runs it has.
+    /// Number of runs.
     pub fn runs_count(&self) -> usize {
         self.scenes.len()
     }
@@ -174,7 +174,7 @@ pub fn run(
     Ok(scores)
 }
 
-/// One run without pictures or folder.
+/// One run without images or a folder.
 fn score(
     scene: &HandScene,
     controls: Controls,
@@ -223,7 +223,7 @@ pub fn row(cell: &TrialCell, runs: &[RunScore]) -> String {
     )
 }
 
-/// One run in a line.
+/// One run as a line.
 pub fn line(run: &RunScore) -> String {
     let ending = run.ending.map_or("did not end", Ending::evidence);
     let ended = run.ended_s.map_or(String::new(), |ended_s| format!(" after {ended_s:.2} s"));

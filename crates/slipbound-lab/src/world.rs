@@ -1,13 +1,14 @@
-//! One finger, one object, one camera, stepped through a trial: frames as a camera would deliver them, and the truth.
+//! One finger, one object, one camera, stepped through a trial: frames as a camera would deliver them, and the ground
+//! truth.
 //!
 //! ```text
 //!   Trial --> LoadProfile --> Finger (contact, 120 steps a second) --> Renderer (30 frames a second) --> JPEG --> frame
 //!                               `--------------------------------------------------> FrameTruth
 //! ```
 //!
-//! Frame n shows the finger at n/30 s by the world's own clock ([`Clock::Device`]). The exposure has no length, so
-//! that time is its middle. Frames before the object touches show the finger at rest. A frame is encoded as JPEG
-//! and decoded again, so a live run sees what a recording of it would show.
+//! Frame n shows the finger at n/30 s by the world's own clock ([`Clock::Device`]). The exposure is instantaneous, so
+//! that time is its middle. Frames before the object touches show the finger at rest. A frame is encoded as JPEG and
+//! decoded again, so a live run sees the same pixels as a recording of it.
 //!
 //! Gross slip, and with it the load fraction f, is defined by [`Gross`], mostly by [`GROSS_FRICTION_FRACTION`].
 
@@ -40,8 +41,8 @@ pub const FRAME_RATE_HZ: u64 = 30;
 /// Steps of the contact between two frames.
 pub const SUBSTEPS_COUNT: u64 = 4;
 
-/// How far an object that is pulled may slide after gross slip before the trial ends, in mm. Beyond that it only
-/// leaves the pad.
+/// How far an object that is pulled may slide after gross slip before the trial ends, in mm. Beyond that it only leaves
+/// the pad.
 const LAST_SLIDE_MM: f64 = 3.0;
 
 /// A trial as it runs.
@@ -69,13 +70,13 @@ pub struct World {
 }
 
 impl World {
-    /// The world of a trial, before its first frame. Refuses what the scene, the object or the contact cannot be.
+    /// The world of a trial, before its first frame. Refuses invalid settings of the scene, the object or the contact.
     pub fn new(trial: &Trial) -> Result<Self, SettingError> {
         Self::with(trial, trial.load_profile()?, &Physics::default())
     }
 
-    /// The same with another course of things than the scene's, and with other physics than the object's and the
-    /// standard gel's.
+    /// The same with another load profile than the scene's, and with other physics than the object's and the standard
+    /// gel's.
     pub fn with(trial: &Trial, profile: LoadProfile, physics: &Physics) -> Result<Self, SettingError> {
         let object = physics.object.unwrap_or(*trial.object());
         let grid = if trial.word("grid") == "fast" { Grid::fast() } else { Grid::standard() };
@@ -141,7 +142,7 @@ impl World {
         self.finger.settings().grid
     }
 
-    /// The contact, as it is at the last frame.
+    /// The contact at the last frame.
     pub fn finger(&self) -> &Finger {
         &self.finger
     }
@@ -151,22 +152,22 @@ impl World {
         self.camera.markers_at_rest_mm()
     }
 
-    /// What is true of the last frame.
+    /// Ground truth of the last frame.
     pub fn truth(&self) -> &FrameTruth {
         &self.truth
     }
 
-    /// When the object began to slide as a whole, and under which load; None while it has not.
+    /// When the object began to slide as a whole, and under which load; None until then.
     pub fn gross(&self) -> Option<Gross> {
         self.gross.found()
     }
 
-    /// Most frames there can be; fewer come when an object that is pulled slides away.
+    /// Largest possible number of frames; there are fewer when a pulled object slides away.
     pub fn most_frames_count(&self) -> u64 {
         self.frames_count
     }
 
-    /// Goes on to the next frame without a picture of it. None when the trial is over.
+    /// Advances to the next frame without rendering it. None when the trial is over.
     pub fn advance(&mut self) -> Result<Option<&FrameTruth>, SettingError> {
         if self.next_frame >= self.frames_count || self.is_over() {
             return Ok(None);
@@ -186,19 +187,19 @@ impl World {
         Ok(Some(&self.truth))
     }
 
-    /// The picture of the frame that [`World::advance`] went on to, as an encoded JPEG.
+    /// The image of the frame that [`World::advance`] reached, as an encoded JPEG.
     pub fn photograph(&mut self, jpeg: &mut Vec<u8>) -> Result<(), SourceError> {
         self.photograph_with(Random::of(self.trial.seed, self.truth.frame).next_u64(), jpeg)
     }
 
-    /// Another picture of the finger at rest, with noise of its own. Before the first frame only: it shows the gel
-    /// as it is now.
+    /// Another image of the finger at rest, with its own noise. Before the first frame only: it shows the gel in its
+    /// present state.
     pub fn photograph_rest(&mut self, jpeg: &mut Vec<u8>) -> Result<(), SourceError> {
         self.photograph_with(Random::of(self.trial.seed, u64::MAX).next_u64(), jpeg)
     }
 
-    /// Another picture of the finger as it is now, with noise of its own drawn from `seed`, into `into`; its number and
-    /// time are the caller's.
+    /// Another image of the finger in its present state, with its own noise drawn from `seed`, into `into`; its number
+    /// and time are the caller's.
     pub fn photograph_again(&mut self, seed: u64, into: &mut FrameBuffer) -> Result<(), SourceError> {
         self.photograph_with(Random::of(self.trial.seed, seed).next_u64(), &mut into.encoded)?;
         into.clock = Clock::Device;
@@ -214,11 +215,11 @@ impl World {
         self.codec.encode(&self.rgb, jpeg)
     }
 
-    /// Moves the object, still off the gel, to where the trial wants it, and puts it at rest there.
+    /// Moves the object, still off the gel, to its start pose and brings it to rest there.
     fn put_in_place(&mut self) -> Result<(), SettingError> {
         let off = Command { grip: Grip::ForceN(0.0), pose: self.start, roll_mm: Vec2::ZERO, wrench: Wrench::default() };
         self.finger.step(&off)?;
-        self.finger.step(&off)?; // a second time, for the first left it with a velocity
+        self.finger.step(&off)?; // repeated, because the first step left it with a velocity
         self.set_drive(self.profile.drive)
     }
 
@@ -254,13 +255,13 @@ impl World {
         let time_s = self.clock_s(now_s);
         self.note_events(time_s);
         if self.gross.see(&self.finger, now_s, time_s, self.load) {
-            // On a bend it is known for sure two frames after it began.
+            // On a curved path gross slip is confirmed two frames after it began.
             self.events.push(TimedEvent { event: Event::Gross, time_s });
         }
         Ok(())
     }
 
-    /// The wrench that acts beside the path, at a time since it began.
+    /// The wrench that acts in addition to the path, at a time since the load began.
     fn pull(&mut self, since_s: f64) -> Result<Wrench, SettingError> {
         let pull = self.profile.pull;
         if pull != Pull::None {
@@ -294,8 +295,8 @@ impl World {
         self.events.extend(own.map(|event| TimedEvent { event, time_s }));
     }
 
-    /// Lets the trial go on for so many frames after the one that shows gross slip, however far the object slides meanwhile: that gross slip is
-    /// told within some frames can be judged only where there are such.
+    /// Continues the trial for so many frames after the frame that shows gross slip, however far the object slides
+    /// meanwhile: the latency of gross slip detection can be judged only if these frames exist.
     pub(crate) fn go_on_after_gross(&mut self, frames: u64) {
         self.least_after_gross_frames = frames;
     }
@@ -306,7 +307,7 @@ impl World {
         last_frame.is_none_or(|last_frame| self.next_frame > last_frame) && self.has_slid_away()
     }
 
-    /// Whether an object that nothing holds back has left the place where it let go.
+    /// Whether an object that nothing holds back has slid away from the position where it let go.
     fn has_slid_away(&self) -> bool {
         let pulled = self.profile.pull != Pull::None;
         pulled
@@ -333,7 +334,7 @@ impl World {
     }
 }
 
-/// Refuses a place on the pad where the object would reach over its border.
+/// Refuses a position on the pad at which the object would extend beyond its border.
 fn check_place(grid: &Grid, start: &Pose, shape: &dyn crate::contact::shape::Shape) -> Result<(), SettingError> {
     let half = shape.half_size_mm();
     let (s, c) = libm::sincos(start.turn_rad);
@@ -367,7 +368,7 @@ impl FrameSource for World {
         Ok(Next::Frame)
     }
 
-    /// Known where nothing can slide away.
+    /// Known if nothing can slide away.
     fn frames_count(&self) -> Option<u64> {
         (self.profile.pull == Pull::None).then_some(self.frames_count)
     }

@@ -1,6 +1,7 @@
 //! Every task by every controller with every fault of a camera, in lock-step, a line each: `testdata/closed_loops.md`.
-//! A changed controller shows there as a readable difference; `REGENERATE=1 cargo test -p slipbound-lab --test
-//! closed_loops` writes it anew. Numbers are rounded so that they are the same from one build to the next.
+//! A changed controller appears there as a readable difference;
+//! `REGENERATE=1 cargo test -p slipbound-lab --test closed_loops` writes it anew. Numbers are rounded so that they are
+//! the same from one build to the next.
 
 use slipbound::control::{CycleObserver, CycleView};
 use slipbound::monitor::Settings;
@@ -24,7 +25,7 @@ const HEAD: &str = "# Closed loops in simulation\n\n\
     as `on_slip` does: one fault each. *well*: in truth it did what the task is for.\n\n\
     | task | controller | fault | ended | least N | most N | slid mm | slips | alarms | well |\n|---|---|---|---|---|---|---|---|---|---|\n";
 
-/// The range of what was commanded after grasping, and the slips.
+/// The range of the commanded force after grasping, and the slips.
 #[derive(Default)]
 struct Watch {
     least_n: Option<f64>,
@@ -46,8 +47,8 @@ impl CycleObserver for Watch {
 }
 
 fn line(task: TaskKind, controller: ControllerKind, fault: &str) -> String {
-    // Two seconds show what a fault does to the grip. A task needs its time to end without one, and a lift with a camera that is gone, too; a cap
-    // that is held too loosely to be opened slides until then.
+    // Two seconds show the effect of a fault on the grip. Without a fault, and for a lift with a lost camera, the task
+    // needs the time to its end; a cap that is held too loosely to be opened slides for the whole time.
     let longest_s = match (task, controller) {
         (TaskKind::Unscrew, ControllerKind::Constant) if fault == "none" => 5,
         (TaskKind::Lift, _) if fault == "lost@2" => 9,
@@ -87,7 +88,7 @@ fn every_task_controller_and_fault_ends_as_it_did() {
     let mut cases = Vec::new();
     for task in tasks {
         for controller in controllers {
-            // A constant grip hears no camera, and the paper's hears it as `on_slip` does: one fault shows it.
+            // A constant grip uses no camera, and the paper's uses it as `on_slip` does: one fault is enough.
             let is_like_another = matches!(controller, ControllerKind::Constant | ControllerKind::Paper);
             let faults = if is_like_another { &FAULTS[..2] } else { &FAULTS[..] };
             cases.extend(faults.iter().map(|fault| (task, controller, *fault)));
@@ -108,7 +109,7 @@ fn every_task_controller_and_fault_ends_as_it_did() {
     });
     let mut table = HEAD.to_owned();
     for line in lines.into_inner().expect("no run panicked") {
-        let _ = writeln!(table, "{line}"); // a String takes all
+        let _ = writeln!(table, "{line}"); // writing to a String cannot fail
     }
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/closed_loops.md");
     if std::env::var_os("REGENERATE").is_some() {
@@ -124,8 +125,8 @@ fn every_task_controller_and_fault_ends_as_it_did() {
     assert!(differ.is_empty() && expected.len() == table.len(), "closed loops changed:\n{}", differ.join("\n"));
 }
 
-/// No line of the table shows a grip that fell below what it was told to start with, but for laying down and `margin`,
-/// which lets go slowly.
+/// In no line of the table the grip falls below its commanded start value, except when laying down and with `margin`,
+/// which reduces the force slowly.
 #[test]
 fn no_fault_of_a_camera_lowers_the_grip() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/closed_loops.md");

@@ -23,7 +23,7 @@ fn at_rest(world: &mut World, sensor: &Sensor, settings: &Settings, frame: &mut 
     SlipMonitor::new(sensor, settings, rest.build(RestKind::Unloaded).expect("markers")).expect("valid")
 }
 
-/// The reports of a trial after rest and the truth beside them.
+/// The reports of a trial after rest, with the ground truth.
 fn watch(trial: &str, knows_grip: bool, of: impl Fn(Sensor) -> Sensor) -> Vec<(SlipReport, FrameTruth)> {
     let mut world = world(trial);
     let sensor = of(world.sensor());
@@ -64,7 +64,7 @@ fn a_load_raises_the_alarm_and_a_squeeze_does_not() {
     }
 }
 
-/// How far the middle of the contact that is seen lies from that of the cells that touch, mm, at the end of a trial.
+/// Distance between the detected middle of the contact and that of the touching cells, mm, at the end of a trial.
 fn middle_off_mm(trial: &str, dilate_pitch: f64, drop_weak_pieces: bool) -> f64 {
     let mut world = world(trial);
     let (sensor, mut settings) = (world.sensor(), Settings::default());
@@ -83,7 +83,7 @@ fn middle_off_mm(trial: &str, dilate_pitch: f64, drop_weak_pieces: bool) -> f64 
     ((seen_px - middle_px) * sensor.mm_per_px().expect("simulated") - truth_mm).length()
 }
 
-/// Noise and well-lit weave make edges where nothing presses: they are no contact, and pull its middle nowhere.
+/// Noise and well-lit weave make edges without pressure: they must neither count as contact nor shift its middle.
 #[test]
 fn a_weave_that_nothing_presses_is_no_part_of_the_contact() {
     let off_mm = |dilate_pitch: f64, drop_weak_pieces: bool| -> f64 {
@@ -93,7 +93,7 @@ fn a_weave_that_nothing_presses_is_no_part_of_the_contact() {
         trials.iter().map(|trial| middle_off_mm(trial, dilate_pitch, drop_weak_pieces)).sum::<f64>()
             / trials.len() as f64
     };
-    // A region that grows back by more makes more of a weak piece.
+    // A region that grows back further gives more weight to a weak piece.
     let (off, with_pieces) = (off_mm(18.0 / 15.2, true), off_mm(18.0 / 15.2, false));
     println!("middle of the contact {off:.2} mm off, {with_pieces:.2} with weak pieces");
     assert!(off < 0.35 && with_pieces > 2.0 * off, "{off} {with_pieces} mm");
@@ -101,7 +101,8 @@ fn a_weave_that_nothing_presses_is_no_part_of_the_contact() {
     assert!(by_default < 0.25, "{by_default} mm");
 }
 
-/// Half of the load of a long object is out of the Mini's view; how long its gel is tells how far the contact goes on.
+/// Half of the load of a long object is outside the Mini's view; the length of the gel shows how far the contact
+/// extends.
 #[test]
 fn the_load_of_a_contact_that_the_view_cuts_is_known_from_the_length_of_the_gel() {
     for (object, force_n) in [("water_bottle", 10), ("crayons_box", 15), ("scrub_sponge", 10)] {
@@ -125,7 +126,7 @@ fn the_load_of_a_contact_that_the_view_cuts_is_known_from_the_length_of_the_gel(
 
 #[test]
 fn a_flat_face_over_the_whole_pad_is_felt_by_what_it_drags_along() {
-    // The camera of the Mini sees neither a rim nor a weave.
+    // The camera of the Mini shows neither a rim nor a weave.
     for load in ["twist_fraction=-1&force_n=18&mu=0.9", "direction_deg=140&force_n=12&mu=0.7"] {
         let seen = watch(
             &format!("ramp?object=crayons_box&camera=gelsight_mini&{load}&ramp_s=1&peak_fraction=1.8&seed=4"),

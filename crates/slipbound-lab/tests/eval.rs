@@ -1,4 +1,4 @@
-//! Sweeps: the same records from any number of cores, after a cut, and from shards.
+//! Sweeps: the same records with any number of cores, after an interruption, and from shards.
 
 use slipbound_lab::eval::folder::{Shard, SweepFolder};
 use slipbound_lab::eval::{Protocol, Sweep, SweepError, TrialRecord, run, simulated};
@@ -25,7 +25,7 @@ fn sweep(protocol: &dyn Protocol) -> Sweep {
     }
 }
 
-/// Runs what is missing in a folder, `most` trials of it.
+/// Runs the missing trials in a folder, at most `most` of them.
 fn run_in(path: &Path, shard: Shard, jobs: usize, most: usize) -> SweepFolder {
     let protocol = simulated("ramps", SEED, Some(TRIALS)).expect("there is one");
     let names: Vec<&str> = detectors().iter().map(|entry| entry.name).collect();
@@ -51,7 +51,7 @@ fn the_same_bytes_from_one_core_two_cores_after_a_cut_and_from_shards() {
     run_in(&at("two"), Shard::WHOLE, 2, usize::MAX);
     assert_eq!(bytes(&at("two")), whole, "two cores");
 
-    // Two trials and a half of the next: one line whole, one line torn.
+    // Two trials and a half of the next: one complete line, one truncated line.
     let lines: Vec<&[u8]> = whole.split_inclusive(|&byte| byte == b'\n').collect();
     run_in(&at("cut"), Shard::WHOLE, 1, 0);
     let torn = [&lines[..7].concat(), &lines[7][..lines[7].len() / 2]].concat();
@@ -108,7 +108,7 @@ fn a_folder_of_another_sweep_is_refused_by_file_key_expected_and_got() {
     assert!(named("mine").is_err_and(|error| error.to_string().contains("one of ours, ours_frames, paper_as_written")));
 }
 
-/// What is whole is not written anew, and what nobody knows is not thrown away.
+/// Complete records are not rewritten, and unknown ones are not discarded.
 #[test]
 fn records_in_a_folder_outlive_a_resumed_sweep_that_is_killed() {
     let root = tempfile::tempdir().expect("a folder");
@@ -118,7 +118,7 @@ fn records_in_a_folder_outlive_a_resumed_sweep_that_is_killed() {
     let lines_path = root.path().join("trials.jsonl");
     let line = |number: u64, detector: &str| {
         let truth = "\"truth\":true,\"verdict\":true,\"score\":1.0,\"first_alarm_frame\":null";
-        // Written with spaces, as another program may: what stands there is kept to the byte.
+        // Written with spaces, as another program may do: existing bytes must not change.
         format!("{{\"number\": {number}, \"trial\":\"t\",\"object\":\"o\",\"detector\":\"{detector}\",{truth}}}\n")
     };
     let whole = [line(0, "ours"), line(0, "paper"), line(1, "ours"), line(1, "paper")].concat();

@@ -1,4 +1,4 @@
-//! What a finger must do whatever the numbers: symmetry, memory, motion, flags, and the same bytes every time.
+//! General properties of a finger: symmetry, memory, motion, flags, and the same bytes every time.
 
 use slipbound::pixels::wide::{Vectors, with_vectors};
 use slipbound::plane::Vec2;
@@ -19,7 +19,7 @@ fn run(settings: FingerSettings, shape: impl Shape + 'static, legs: Vec<Leg>) ->
     (finger, truths)
 }
 
-/// The fast grid, solved until only rounding is left.
+/// The fast grid, solved down to rounding.
 fn exact() -> FingerSettings {
     let stop = Stop { tolerance_fraction: 1e-9, most_iterations_count: 5000 };
     FingerSettings { normal_stop: stop, tangential_stop: stop, ..FingerSettings::fast() }
@@ -66,11 +66,11 @@ fn nothing_touches_beyond_the_edge_of_the_gel() {
         let at = grid.centre_mm(cell);
         assert!(at.x.abs() < 7.0 && at.y.abs() < 5.0, "{at:?}");
     }
-    // A plate of 16 x 12 mm rests on all of a gel of 14 x 10 but its rounded edge.
+    // A plate of 16 x 12 mm covers all of a gel of 14 x 10 except its rounded edge.
     assert!((0.75 * 140.0..140.0).contains(&ends.contact_area_mm2), "{} mm2", ends.contact_area_mm2);
     assert!(all.contact_area_mm2 > 1.3 * ends.contact_area_mm2 && ends.depth_mm > all.depth_mm, "{all:?} {ends:?}");
     assert!((ends.grip_force_n - 8.0).abs() < 1e-3, "{}", ends.grip_force_n);
-    // Pressure falls to the edge, where on the endless gel it is largest at the rim of the plate.
+    // Pressure falls towards the edge; on an endless gel it is largest at the rim of the plate.
     let share =
         |finger: &Finger, x: f64| finger.pressure_mpa()[cell_at(&grid, x)] / finger.pressure_mpa()[cell_at(&grid, 0.0)];
     assert!(
@@ -79,7 +79,7 @@ fn nothing_touches_beyond_the_edge_of_the_gel() {
         share(&finger, 6.5),
         share(&endless, 6.5)
     );
-    // What lies well inside does not feel the edge.
+    // An object well inside is not affected by the edge.
     let small = |settings| run(settings, Sphere { radius_mm: 6.0 }, vec![Leg::press(1.0, 0.1)]).0;
     let (ends, endless) = (small(ending), small(exact()));
     let most = endless.pressure_mpa().iter().copied().fold(0.0, f64::max);
@@ -114,7 +114,7 @@ fn mirrored_in_mirrored_out() {
 fn a_bonded_gel_is_squeezed_outward_and_a_compressible_one_inward() {
     let press = |poisson_ratio: f64| {
         let gel = Gel { poisson_ratio, thickness_mm: 20.0, ..Gel::default() };
-        // Without friction to speak of, the surface flows freely.
+        // With hardly any friction the surface moves freely.
         let settings = FingerSettings { gel, friction: Friction::constant(1e-6), ..FingerSettings::fast() };
         run(settings, SPHERE, vec![Leg::press(5.0, 0.05)]).0.displacement_at(Vec2::new(1.5, 0.0)).shift_mm.x
     };
@@ -150,7 +150,7 @@ fn a_slow_ramp_sticks_then_slips_from_the_rim() {
         assert!(trimmed.starts_with('o'), "\n{text}");
     }
     assert!(!picture[1].contains('#') && !picture[18].contains('#'), "\n{text}");
-    // The object slides the way it is pushed.
+    // The object slides in the direction of the push.
     let slid =
         finger.slip_mm((0..finger.contact().len()).find(|&c| finger.contact()[c] && !finger.stick()[c]).expect("slip"));
     assert!(slid.x > 0.0, "{slid:?}");
@@ -204,7 +204,7 @@ fn letting_go_leaves_a_flat_gel() {
 
 #[test]
 fn a_press_to_a_depth_carries_the_force_that_gives_that_depth() {
-    // Without friction and once the gel has flowed, only the last depth counts.
+    // With hardly any friction and after the creep, only the last depth matters.
     let settings = FingerSettings { friction: Friction::constant(1e-6), ..FingerSettings::fast() };
     let shape = Paraboloid { radius_mm: 15.0 };
     let (_, forced) = run(settings, shape, vec![Leg::press(10.0, 0.1), Leg::hold(0.1)]);
@@ -228,7 +228,7 @@ fn events_come_in_order_and_the_load_fraction_ends_at_1() {
     let fractions: Vec<f64> = record.fractions().expect("gross slip").collect();
     assert_eq!(fractions[gross], 1.0);
     assert!(fractions[..gross].iter().all(|&f| (0.0..1.001).contains(&f)));
-    // The same load, by statics: friction mu P, and what pressure adds on the slopes of the edges.
+    // The same load, by statics: friction mu P, and the contribution of pressure on the slopes of the edges.
     let gross = truths.iter().find(|truth| truth.events.contains(Event::Gross)).expect("gross");
     let (gross_n, friction_n) = (gross.wrench.force_n.x, gross.friction.force_n.x);
     assert!((friction_n / 8.0 - 1.0).abs() < 0.02, "{friction_n} N against mu P = 8 N");
@@ -265,8 +265,8 @@ fn an_object_in_free_fall_falls() {
     assert!((finger.truth().pose.position_mm.x / fallen - 1.0).abs() < 1e-9);
 }
 
-/// A body that gives way is no harder to solve than a path: on flat boxes of 0.1 kg, pulled nearly until they slide, no
-/// frame of four steps takes more than 60 iterations. And what the gel carries at the end is what pulls, a torque
+/// A compliant body is no harder to solve than a path: on flat boxes of 0.1 kg, pulled nearly until they slide, no
+/// frame of four steps takes more than 60 iterations. And the load of the gel at the end equals the pull, a torque
 /// taken at the radius of gyration, to a tenth of the tolerance of one traction.
 #[test]
 fn a_free_box_is_solved_in_few_iterations_and_carries_what_pulls_on_it() {
@@ -326,7 +326,7 @@ fn creep_goes_on_under_a_constant_force_and_comes_back() {
     let legs = || vec![Leg::press(10.0, 0.01), Leg::hold(1.0), Leg::release(0.01), Leg::hold(1.5)];
     let (finger, creeping) = run(settings, SPHERE, legs());
     let (_, plain) = run(FingerSettings::fast(), SPHERE, legs());
-    // The gel softens by 1.15 in the end: depth grows with the 2/3 power or less of the compliance.
+    // The gel finally softens by 1.15: depth grows with the 2/3 power or less of the compliance.
     let at = |truths: &[Truth], time_s: f64| truths[(time_s * 120.0) as usize].depth_mm;
     let (early, late) = (at(&creeping, 0.02), at(&creeping, 0.95));
     assert!(late / early > 1.03 && late / early < 1.15, "{early} {late}");
@@ -428,7 +428,7 @@ fn a_step_takes_no_memory() {
     }
 }
 
-/// What is made once for a gel is used by fingers of that gel alone.
+/// Data cached for a gel is used only by fingers with that gel.
 #[test]
 fn fingers_of_many_gels_do_not_get_into_each_other() {
     let plain = FingerSettings::fast();
@@ -451,7 +451,7 @@ fn fingers_of_many_gels_do_not_get_into_each_other() {
     for other in others {
         assert_ne!(depth_mm(other), first_mm, "{other:?}");
     }
-    // More than are kept.
+    // More than the cache holds.
     for n in 0..12 {
         let thicker_mm = depth_mm(of_gel(Gel { thickness_mm: 3.0 + 0.1 * f64::from(n), ..Gel::default() }));
         assert!(n == 0 || thicker_mm > first_mm, "{n}");

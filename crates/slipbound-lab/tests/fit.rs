@@ -1,15 +1,17 @@
-//! What the trees of the estimates and of gross slip are fitted to: rows of simulated trials with what is true of each frame.
+//! Training data of the trees of the estimates and of gross slip: rows of simulated trials with the ground truth of
+//! each frame.
 
 use slipbound_lab::fit::{BODY, Row, gross_rows_of, rows_of};
 use slipbound_lab::objects::OBJECTS;
 
-/// Trials of the split: a guided slide of a named object, and of a body of no name; a ramp to gross slip of such a body; a load below it.
+/// Trials of the split: a guided slide of a named object, and of a random shape; a ramp to gross slip of a random
+/// shape; a load below it.
 const SLIDE: u64 = 5;
 const SLIDE_OF_BODY: u64 = 2005;
 const RAMP_OF_BODY: u64 = 2003;
 const HELD: u64 = 6;
 
-/// The labels in the order of the frames, each once for as often as it follows itself.
+/// The labels in the order of the frames, without consecutive repetitions.
 fn labels(rows: &[Row]) -> Vec<f64> {
     let mut labels: Vec<f64> = rows.iter().map(|row| row.targets[0]).collect();
     labels.dedup();
@@ -33,7 +35,7 @@ fn rows_of_gross_slip_say_when_the_object_slides_and_hold_whose_it_is() {
                 }
             }
         }
-        // What a frame shows without the grip force is less: some features are never known.
+        // Without the grip force a frame shows less: some features are never known.
         let known =
             |rows: &[Row]| (0..rows[0].features.len()).filter(|&k| rows.iter().any(|r| r.features[k] != 0.0)).count();
         assert!(known(&alone) < known(&knowing), "trial {number}");
@@ -48,7 +50,7 @@ fn rows_of_the_estimates_go_from_a_contact_that_sticks_to_one_that_slides() {
         assert!(first.targets[0] < 0.1 && first.targets[1] > 0.7, "trial {number}: {:?}", first.targets);
         assert_eq!(last.targets, [1.0, 0.0], "trial {number}");
         assert!(rows.iter().all(|row| row.object == object && row.weight == weight && row.mu == first.mu));
-        // The load grows, and what still sticks shrinks with it.
+        // The load grows, and the stick area shrinks with it.
         let grows = |pair: &[Row]| pair[1].targets[0] >= pair[0].targets[0] - 0.05;
         let shrinks = |pair: &[Row]| pair[1].targets[1] <= pair[0].targets[1] + 0.15;
         assert!(rows.windows(2).all(|pair| grows(pair) && shrinks(pair)), "trial {number}");

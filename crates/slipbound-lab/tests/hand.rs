@@ -9,7 +9,7 @@ fn world(scene: &str) -> HandWorld {
     HandWorld::new(&HandScene::parse(scene).expect("a sound scene")).expect("a sound world")
 }
 
-/// A world that somebody presses and moves at will, in steps of 1/120 s.
+/// A world that is pressed and moved at will, in steps of 1/120 s.
 struct Bench {
     world: HandWorld,
     steps: u64,
@@ -67,7 +67,7 @@ fn a_free_cap_follows_the_wrist_against_its_running_torque() {
     let behind_mm = 14.0 * (truth.angle_rad - cap.angle_rad);
     assert!((0.0..0.2).contains(&behind_mm), "{behind_mm} mm");
     assert!(cap.yields && !truth.gross && truth.slid_mm == 0.0);
-    // It never springs back: the wrist turns back, the cap stands.
+    // It never springs back: the wrist turns back, the cap does not move.
     let back = bench.run(0.2, -rate, 0.0, 20.0).cap.expect("a cap");
     assert!((back.angle_rad - cap.angle_rad).abs() < 1e-3 && back.torque_n_mm < 0.0, "{back:?}");
 }
@@ -82,14 +82,14 @@ fn a_blocked_cap_saturates_at_two_mu_p_r_and_then_slides_as_the_wrist_turns() {
         let after = bench.run(1.0, 20.0 * DEG, 0.0, force_n).clone();
         let (cap, limit_n_mm) = (after.cap.expect("a cap"), 2.0 * mu * force_n * 14.0);
         assert!((cap.limit_n_mm / limit_n_mm - 1.0).abs() < 0.01);
-        // Statics of a flat face; the gel that a round one drags before it makes it more.
+        // Statics of a flat face; the gel that a round one drags in front of it increases the torque.
         assert!((1.0..1.2).contains(&(cap.torque_n_mm / limit_n_mm)), "{} of {limit_n_mm}", cap.torque_n_mm);
         assert!(after.gross && !cap.yields && cap.angle_rad == 0.0);
         assert!((after.required_n / force_n - 1.0).abs() < 0.02, "{}", after.required_n);
         let way_mm = 14.0 * 20.0 * DEG;
         let slid_mm = after.slid_mm - before.slid_mm;
         assert!((slid_mm / way_mm - 1.0).abs() < 0.02, "{slid_mm} mm of {way_mm} mm");
-        // Its skin has walked 10 mm, its round profile is still in the middle of the pad.
+        // Its skin has moved 10 mm, its round profile is still in the middle of the pad.
         let finger = bench.world.finger(0);
         let grid = finger.settings().grid;
         let touched = (0..grid.cells_count()).filter(|&cell| finger.contact()[cell]);
@@ -101,8 +101,8 @@ fn a_blocked_cap_saturates_at_two_mu_p_r_and_then_slides_as_the_wrist_turns() {
 
 #[test]
 fn a_cap_screws_home_as_far_as_friction_turns_it() {
-    // Through run, seal and stop: T = 40 + 600 (phi - 60 deg) + 12000 (phi - 75 deg), which friction carries up to
-    // 2 mu P R. The way along the thread is followed by the hand, as by a wrist that knows it.
+    // Through run, seal and stop: T = 40 + 600 (phi - 60 deg) + 12000 (phi - 75 deg), which friction carries up to 2 mu
+    // P R. The hand follows the travel along the thread, like a wrist that knows it.
     for (mu, force_n) in [(0.6, 20.0), (0.9, 40.0)] {
         let mut bench = Bench::new(&format!("screw?mu={mu}"));
         bench.press(force_n);
@@ -114,9 +114,9 @@ fn a_cap_screws_home_as_far_as_friction_turns_it() {
         assert!((least_rad..most_rad).contains(&cap.angle_rad), "{} of {least_rad}", cap.angle_rad);
         assert!(truth.gross, "{:?} {:?}", truth.friction_used_fraction, truth.stick_ratio);
         assert!(cap.torque_n_mm <= 1.2 * limit_n_mm, "{cap:?}");
-        // The pads push through its middle, however far its skin has walked.
+        // The pads push through its middle, however far its skin has moved.
         assert!(truth.wrench[0].torque_n_mm.abs() < 1.0 && truth.wrench[0].force_n.x < -0.3, "{:?}", truth.wrench);
-        // It comes down in its thread, the hand goes down by itself; the difference is over the pads.
+        // It moves down in its thread, the hand moves down by itself; the difference is over the pads.
         let down_mm = 3.0 / 360.0 * (cap.angle_rad / DEG - 120.0);
         assert!((truth.pose.position_mm.x - down_mm).abs() < 1e-9, "{:?} {down_mm}", truth.pose);
     }
@@ -125,7 +125,7 @@ fn a_cap_screws_home_as_far_as_friction_turns_it() {
 #[test]
 fn a_cap_breaks_loose_just_when_what_the_pads_can_carry_is_more_than_holds_it() {
     for (mu, force_n) in [(0.6, 20.0), (0.8, 30.0)] {
-        // What they can carry: the most on a cap that never breaks loose.
+        // Their largest torque: on a cap that never breaks loose.
         let mut blocked = Bench::new(&format!("unscrew?mu={mu}&break_n_mm=1e6&thread_mm_per_turn=0"));
         blocked.press(force_n);
         let mut limit_n_mm = 0.0f64;
@@ -152,7 +152,7 @@ const GRAVITY_M_PER_S2: f64 = 9.80665;
 fn a_bottle_falls_just_when_its_weight_is_more_than_two_mu_p() {
     for (mu, force_n) in [(0.5, 10.0), (0.35, 20.0)] {
         let limit_kg = 2.0 * mu * force_n / GRAVITY_M_PER_S2;
-        // Pressure on the rims holds some of it, too: by statics it would fall above 1.
+        // Pressure on the rims carries a part of it, too: by statics it would fall above 1.
         for (share, falls) in [(0.98, false), (1.06, true)] {
             let mut bench = Bench::new(&format!(
                 "lift?mu={mu}&most_kg={}&fill_kg_per_s=0.5&fill_after_s=0.2&pulls=0",
@@ -207,7 +207,7 @@ fn a_tool_pivots_on_its_lower_foot_then_stands_with_its_weight() {
     let carried_n = pivots.wrench[0].force_n.x + pivots.wrench[1].force_n.x;
     assert!((carried_n + ground.force_n - ground.weight_n).abs() < 0.01, "{carried_n} N, {ground:?}");
     assert!(pivots.required_n > 0.95 * 8.0, "the pads turn: {}", pivots.required_n);
-    // The hand stops and goes on: the ground pushes on as it did.
+    // The hand stops and continues: the force of the ground continues as before.
     for n in 0..48 {
         let rate_mm_per_s = if n < 24 { 0.0 } else { 10.0 };
         let now = bench.run(1.0 / 120.0, 0.0, rate_mm_per_s, 8.0).ground.expect("a tool");
@@ -244,13 +244,13 @@ fn a_tool_let_go_above_the_ground_falls_as_far_as_its_higher_foot_was_above_it()
 
 #[test]
 fn a_squeeze_without_load_is_no_gross_slip() {
-    // With next to no friction every cell of a press slips outward, though nothing slides as a whole.
+    // With hardly any friction every cell of a press slips outward, although nothing slides as a whole.
     let slippery = ["unscrew?mu=0.05&object=screwdriver", "lift?mu=0.05&object=toy_duck&start_kg=0.01"];
     for scene in ["screw", "unscrew?mu=0.3", "place?mu=0.4", "lift?mu=0.3&start_kg=0.01"].into_iter().chain(slippery) {
         let mut bench = Bench::new(scene);
         for force_n in [10.0, 40.0, 60.0, 5.0, 80.0, 0.0, 30.0] {
             for n in (0..24).rev() {
-                // Closer by a tenth of the rest a step, as jaws press.
+                // Closer by a tenth of the remaining force per step, as jaws press.
                 let next_n = if n == 0 { force_n } else { bench.force_n + 0.1 * (force_n - bench.force_n) };
                 let truth = bench.run(1.0 / 120.0, 0.0, 0.0, next_n);
                 assert!(!truth.gross && truth.slid_mm == 0.0, "{scene} at {force_n} N: {truth:?}");
@@ -269,7 +269,7 @@ fn a_hand_that_rises_faster_makes_a_bottle_heavier_and_pulls_add_to_its_weight()
         let load_n = bench.run(1.0 / 120.0, 0.0, rate_mm_per_s, 40.0).bottle.expect("a bottle").load_n;
         (most_n, least_n) = (most_n.max(load_n), least_n.min(load_n));
     }
-    // 100 mm/s taken up within 50 ms: 1.7 m/s2 in the first step, and as much the other way at the end.
+    // 100 mm/s reached within 50 ms: 1.7 m/s2 in the first step, and as much in the opposite direction at the end.
     assert!((most_n - weight_n - 0.5 * 1.714).abs() < 0.05, "{most_n}");
     assert!(least_n < weight_n - 0.5, "{least_n}");
     let (mut pulled_s, mut from_pads_n) = (0.0, 0.0f64);
@@ -288,7 +288,7 @@ fn a_hand_that_rises_faster_makes_a_bottle_heavier_and_pulls_add_to_its_weight()
 
 #[test]
 fn a_pull_across_is_felt_mirrored_and_a_pull_down_alike() {
-    // A pull across the pads, whose direction this seed draws; the bottle's weight is next to nothing.
+    // A pull across the pads, whose direction this seed draws; the bottle's weight is negligible.
     let hand = |seed: u64| {
         let mut bench = Bench::new(&format!("lift?start_kg=0.02&fill_kg_per_s=0&pulls=1&pull_n=8&seed={seed}"));
         bench.press(30.0);

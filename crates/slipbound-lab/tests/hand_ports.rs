@@ -1,4 +1,4 @@
-//! The simulated hand through its ports: scenes as text, cameras, gripper, wrist, and the plant for somebody else.
+//! The simulated hand through its ports: scenes as text, cameras, gripper, wrist, and the plant for external drivers.
 
 use slipbound::control::{CycleObserver, CycleView};
 use slipbound::monitor::Settings;
@@ -87,7 +87,7 @@ fn a_pull_down_goes_the_same_way_in_both_pictures_and_a_turn_the_other() {
 
 #[test]
 fn a_tilted_tool_is_seen_from_its_two_sides_and_a_cap_alike() {
-    // Markers lie in 20 rows of 21; row r of one finger is row 19 - r of the other when that one sees the mirror image.
+    // Markers are in 20 rows of 21; row r of one finger is row 19 - r of the other if that one sees the mirror image.
     for (scene, mirrored) in [("place?tilt_deg=30", true), ("screw?thread_mm_per_turn=8&seal_deg=2", false)] {
         let hand = hand(scene);
         hand.gripper().command(hold(15.0)).expect("taken over");
@@ -178,7 +178,7 @@ fn commands_that_cannot_be_are_refused_and_change_nothing() {
     let state = gripper.poll().expect("a state");
     assert!((state.force_n.expect("a force") - 20.0).abs() < 0.01 && state.target_n == Some(20.0), "{state:?}");
     assert_eq!(wrist.poll().expect("a state").angle_rad, 0.0);
-    // Letting go opens wide, and closing on nothing comes again to the cap.
+    // Releasing opens wide, and closing on nothing reaches the cap again.
     gripper.command(GripCommand::Release).expect("taken over");
     for _ in 0..60 {
         hand.advance_frame();
@@ -249,7 +249,7 @@ fn a_plant_driven_by_somebody_else_shows_and_tells_the_same() {
     let (mut a, mut b) = (FrameBuffer::default(), FrameBuffer::default());
     for n in 1..=12u64 {
         own.advance_frame();
-        other.advance_frame(); // nothing: somebody else lets time pass
+        other.advance_frame(); // does nothing: an external driver advances the time
         for step in 4 * (n - 1) + 1..=4 * n {
             let to_ns = (step * 1_000_000_000 + 60) / 120;
             jaws.advance_to(to_ns, plant.width_mm());
@@ -264,8 +264,8 @@ fn a_plant_driven_by_somebody_else_shows_and_tells_the_same() {
     assert!(other.gripper().command(hold(1.0)).is_err());
 }
 
-/// A hand whose every part is owned by a thread of its own makes the same bytes as one in lock-step on one thread: what
-/// counts is the order of the calls, which channels keep here.
+/// A hand whose parts are all owned by their own threads makes the same bytes as one in lock-step on one thread: only
+/// the order of the calls matters, and channels keep it here.
 #[test]
 fn every_part_of_a_hand_can_be_owned_by_a_thread() {
     const fn is_send<T: Send>() {}
@@ -301,7 +301,7 @@ fn every_part_of_a_hand_can_be_owned_by_a_thread() {
         bytes
     });
     let apart = run(&mut |hand| {
-        // A round is done by every part at once; the barrier lets time pass only between rounds.
+        // All parts do a round at once; the barrier lets time advance only between rounds.
         let barrier = std::sync::Barrier::new(5);
         let (mut gripper, mut wrist) = (hand.gripper(), hand.wrist());
         let cameras = [hand.camera(0), hand.camera(1)];
@@ -340,7 +340,7 @@ fn every_part_of_a_hand_can_be_owned_by_a_thread() {
     });
     assert!(alone.0 == apart.0 && alone.1 == apart.1);
     assert!(alone.1.grip_force_n > 10.0, "{:?}", alone.1);
-    // The plant, too, for a gripper that an emulator plays.
+    // The plant, too, for an emulated gripper.
     let mut plant = hand(scene).plant();
     let thread = std::thread::spawn(move || {
         plant.advance_to(100_000_000);
@@ -349,7 +349,7 @@ fn every_part_of_a_hand_can_be_owned_by_a_thread() {
     assert_eq!(thread.join().expect("no panic"), Some(28.0));
 }
 
-/// Areas of contact that the hand told: in how many cycles without a force, and the last one, mm2.
+/// Contact areas reported by the hand: number of cycles with an area but no force, and the last area, mm2.
 #[derive(Default)]
 struct Told {
     untouched_count: u32,
@@ -365,7 +365,7 @@ impl CycleObserver for Told {
     }
 }
 
-/// Edge thresholds go with the size of the picture: those of 480 rows call bare weave of 320 rows pressed.
+/// Edge thresholds scale with the image size: those for 480 rows would report contact on bare weave of 320 rows.
 #[test]
 fn pictures_of_another_size_show_the_same_contact() {
     let told = |height_px: u32| {

@@ -1,4 +1,4 @@
-//! What JPEG does to the places of markers: nothing but a loss that has no direction.
+//! Effect of JPEG on marker positions: only a loss without a preferred direction.
 
 use slipbound::plane::Vec2;
 use slipbound::port::FrameBuffer;
@@ -6,7 +6,7 @@ use slipbound_lab::contact::{Displacement, FingerSettings};
 use slipbound_lab::jpeg::Codec;
 use slipbound_lab::render::{CameraSettings, Renderer, Surface};
 
-/// Middle of the darkness around a place, in one channel of rows of RGB: weighted by the levels missing to the
+/// Centroid of the darkness around a position, in one channel of rows of RGB: weighted by the difference to the
 /// brightest sixth of a window of 13 x 13 px.
 fn centroid(rgb: &[u8], width_px: usize, place: Vec2, channel: usize) -> Vec2 {
     let (x, y) = (place.x.round() as usize, place.y.round() as usize);

@@ -1,11 +1,11 @@
-//! Two pads that differ, against statics and against two that are alike.
+//! Two different pads, against statics and against two identical pads.
 
 use slipbound::plant::Plant;
 use slipbound_lab::hand::{HandScene, HandTruth, HandWorld};
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
-/// A world that is pressed, turned and lowered step by step; the truth after every step.
+/// A world that is pressed, turned and lowered step by step; the ground truth after every step.
 fn run(scene: &str, force_n: f64, seconds_s: f64, rate_rad_per_s: f64, rate_mm_per_s: f64) -> Vec<HandTruth> {
     let scene = HandScene::parse(scene).expect("a sound scene");
     let mut world = HandWorld::new(&scene).expect("a sound world");
@@ -23,7 +23,7 @@ fn run(scene: &str, force_n: f64, seconds_s: f64, rate_rad_per_s: f64, rate_mm_p
     truths
 }
 
-/// With equal properties the right pad is solved by itself and comes out as the image of the left one.
+/// With equal properties the right pad is solved separately and equals the image of the left one.
 #[test]
 fn two_equal_pads_solved_by_themselves_carry_what_one_and_its_image_do() {
     for (scene, mu, force_n, rate_rad_per_s, rate_mm_per_s) in [
@@ -41,7 +41,7 @@ fn two_equal_pads_solved_by_themselves_carry_what_one_and_its_image_do() {
                 let (a_n, b_n) = (a.wrench[finger].force_n, b.wrench[finger].force_n);
                 assert!((a_n - b_n).length() < 0.005 * most_n, "{scene}: finger {finger}, {a_n:?} and {b_n:?}");
                 let missed_n_mm = (a.wrench[finger].torque_n_mm - b.wrench[finger].torque_n_mm).abs();
-                let bound_n_mm = 0.005 * most_n_mm.max(most_n); // of a pure force: at 1 mm
+                let bound_n_mm = 0.005 * most_n_mm.max(most_n); // for a pure force: at 1 mm
                 assert!(missed_n_mm < bound_n_mm, "{scene}: finger {finger}, {missed_n_mm} of {most_n_mm} N mm");
             }
             assert!((a.required_n - b.required_n).abs() < 0.005 * force_n, "{scene}");
@@ -54,7 +54,8 @@ fn two_equal_pads_solved_by_themselves_carry_what_one_and_its_image_do() {
 
 const BOTTLE: &str = "lift?object=water_bottle&start_kg=1&fill_kg_per_s=0&pulls=0";
 
-/// 9.8 N on two pads of 15 N: the right one carries all that its friction allows and slides, the left one the rest.
+/// 9.8 N on two pads of 15 N: the right one carries all that its friction allows and slides, the left one carries the
+/// rest.
 #[test]
 fn the_pad_of_less_friction_slips_first_and_both_balance_the_load() {
     let truths = run(&format!("{BOTTLE}&mu=0.6&mu_right=0.25"), 15.0, 1.5, 0.0, -20.0);
@@ -68,11 +69,11 @@ fn the_pad_of_less_friction_slips_first_and_both_balance_the_load() {
     let [left_n, right_n] = last.wrench.map(|wrench| wrench.force_n.x);
     let load_n = last.bottle.expect("a bottle").load_n;
     assert!((left_n + right_n - load_n).abs() < 0.01 * load_n, "{left_n} and {right_n} of {load_n}");
-    // Some of its friction goes on holding the gel spread that was pressed apart.
+    // A part of its friction still holds the gel that was spread by the press.
     assert!((0.85..1.02).contains(&(right_n / (0.25 * 15.0))), "what 15 N hold at 0.25: {right_n}");
     assert!(!last.gross && last.slid_mm == 0.0, "the left one holds");
     assert!(last.required_n > 9.0 && last.required_n < 15.0, "{}", last.required_n);
-    // Not even both together: it slides over both.
+    // Too much even for both together: it slides over both.
     let falls = run(&format!("{BOTTLE}&mu=0.3&mu_right=0.2"), 15.0, 1.5, 0.0, -20.0);
     assert!(falls.last().is_some_and(|truth| truth.first_gross_ns.is_some()));
 }

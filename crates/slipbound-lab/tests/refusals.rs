@@ -1,4 +1,4 @@
-//! Settings and commands that make no sense are refused by name, with what was expected and what was got.
+//! Invalid settings and commands are refused by name, with the expected and the received value.
 
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;

@@ -1,4 +1,5 @@
-//! The pictures of the simulated GelSlim, judged by the method: contact where there is contact, markers where they are.
+//! The images of the simulated GelSlim, judged by the method: contact where there is contact, markers at their
+//! positions.
 
 use slipbound::image::{Frame, Mask, Pixels, Rgb, SizePx};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
@@ -10,7 +11,7 @@ use slipbound_lab::contact::{Command, Displacement, Finger, FingerSettings, Grid
 use slipbound_lab::jpeg::Codec;
 use slipbound_lab::render::{CameraSettings, Renderer, Surface, Surroundings};
 
-/// The gel after a press, and a shift of the object after that.
+/// The gel after a press, and after a following shift of the object.
 struct Pressed {
     grid: Grid,
     displacement: Vec<Displacement>,
@@ -56,13 +57,13 @@ fn photograph(camera: &mut Renderer, surface: &Surface, seed: u64) -> Vec<u8> {
     let size = camera.size();
     let mut rgb = vec![0; 3 * size.area()];
     camera.render(surface, seed, &mut rgb);
-    let (codec, mut frame) = (Codec::new(size, 85), FrameBuffer::default()); // as a recorded scene
+    let (codec, mut frame) = (Codec::new(size, 85), FrameBuffer::default()); // as in a recorded scene
     codec.encode(&rgb, &mut frame.encoded).expect("encodes");
     codec.decode(&mut frame).expect("decodes");
     frame.pixels
 }
 
-/// A camera that has seen the gel stand still draws what one draws that sees it for the first time.
+/// A camera that has already seen the unmoved gel draws the same image as one that sees it for the first time.
 #[test]
 fn a_still_gel_is_drawn_as_if_it_were_seen_anew() {
     let (untouched, pressed) = (Pressed::untouched(), Pressed::by(Sphere { radius_mm: 15.0 }, 20.0, Vec2::ZERO));
@@ -88,7 +89,7 @@ fn wide_and_plain_kernels_give_the_same_pictures() {
         let both = [Renderer::gelslim(3), Renderer::gelsight_mini(3)];
         both.map(|mut camera| {
             let mut rgb = vec![0; 3 * camera.size().area()];
-            // As it moves, as it stands, and as it stands on.
+            // Moving, unmoved, and still unmoved.
             [1, 2, 3].map(|seed| {
                 camera.render(&pressed.surface(), seed, &mut rgb);
                 rgb.clone()
@@ -99,7 +100,7 @@ fn wide_and_plain_kernels_give_the_same_pictures() {
     for narrower in [Vectors::Avx2, Vectors::Baseline] {
         assert!(wide == with_vectors(narrower, seen), "{narrower:?}: pictures differ");
     }
-    // Widths of whole vectors and of others, even and odd, in one piece and in two.
+    // Widths of whole vectors and others, even and odd, in one piece and in two.
     for width in [16, 33, 256, 257, 301, 640] {
         let size = SizePx::new(width, 16);
         let rgb = &wide[0][0][..3 * size.area()];
@@ -125,7 +126,7 @@ fn monitor(camera: &mut Renderer) -> SlipMonitor {
     SlipMonitor::new(&sensor, &settings, builder.build(RestKind::Unloaded).expect("markers")).expect("valid")
 }
 
-/// Shows the gel until contact is taken up.
+/// Shows the gel until the monitor reports contact.
 fn watch(monitor: &mut SlipMonitor, camera: &mut Renderer, pressed: &Pressed) {
     for i in 0..6 {
         let rgb = photograph(camera, &pressed.surface(), i);
@@ -134,7 +135,7 @@ fn watch(monitor: &mut SlipMonitor, camera: &mut Renderer, pressed: &Pressed) {
     }
 }
 
-/// True contact in the rectified image: every cell under pressure, as a patch around where it is seen.
+/// True contact in the rectified image: every cell under pressure, as a patch around its visible position.
 fn true_contact(camera: &Renderer, pressed: &Pressed, like: &Mask) -> Mask {
     let mut mask = Mask::new(like.size());
     let (grid, size) = (&pressed.grid, like.size());
@@ -194,10 +195,10 @@ fn contact_is_seen_where_it_is_and_an_empty_finger_shows_none() {
     assert!(worst >= 0.9, "the worst overlap is {worst:.3}");
 }
 
-/// How far the method's markers are off the true places.
+/// Errors of the method's markers to the true positions.
 struct Off {
     count: f64,
-    /// Markers of the method more than a pixel off any true place, left out of the rest.
+    /// Markers of the method more than a pixel off any true position, not counted otherwise.
     lost: f64,
     rms_px: f64,
     bias_px: f64,
@@ -238,9 +239,9 @@ fn markers_are_where_the_camera_shows_them_at_rest_and_under_load() {
     let sphere = Pressed::frames(Sphere { radius_mm: 15.0 }, 20.0, shift_mm);
     let cap = Pressed::frames(cylinder(14.0, 12.0), 20.0, shift_mm);
     let face = Pressed::frames(face, 60.0, shift_mm);
-    // The bar is 0.1 px. Without weave it is met but for 0.005 px. The weave, as strong as on released frames, has gaps as
-    // wide and nearly as dark as a dot; each marker's own look tells them apart (2, 2 and 2.5 % are lost at most, the bar is 1 %).
-    // What is reached is held; highlights are off the grid and no markers.
+    // The goal is 0.1 px. Without weave it is reached except for 0.005 px. The weave, as strong as on released frames,
+    // has gaps as wide and nearly as dark as a dot; the appearance of each marker separates them (at most 2, 2 and 2.5
+    // % are lost, the goal is 1 %). The limits keep what is reached; highlights are off the grid and no markers.
     let mut plain = CameraSettings { surroundings: Surroundings::Walls, ..CameraSettings::gelslim() };
     (plain.texture.rest_fraction, plain.texture.gain_fraction) = (0.0, 0.0);
     let plain = Renderer::new(plain, 2);
@@ -277,8 +278,8 @@ fn the_gelsight_mini_is_judged_too() {
     assert!(off.rms_px <= 0.1 && off.bias_px < 0.05, "RMS {}, bias {}", off.rms_px, off.bias_px);
 }
 
-/// The gel slopes beyond the contact, and a smooth skin shows it; the flat middle of an object it does not show, and where the view cuts
-/// an object that middle is open to one side, or to two.
+/// The gel slopes beyond the contact, and a smooth skin shows it; it does not show the flat middle of an object, and
+/// where the view cuts an object, that middle is open to one side, or to two.
 #[test]
 fn contact_on_the_gelsight_mini_ends_at_the_rim_and_has_its_middle() {
     let mut camera = Renderer::gelsight_mini(1);

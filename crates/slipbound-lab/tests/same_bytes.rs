@@ -1,6 +1,6 @@
-//! The same seed gives the same bytes, whatever the machine: sums over frames as a camera would send them, over their pixels and over the
-//! truth, with vectors of every width this CPU has, and in `testdata/simulated.txt` those of every other machine. A change of the simulator
-//! shows there: `REGENERATE=1 cargo test -p slipbound-lab --test same_bytes`.
+//! The same seed gives the same bytes on every machine: checksums over the encoded frames, over their pixels and over
+//! the ground truth, with every vector width of this CPU; `testdata/simulated.txt` has those of every other machine. A
+//! change of the simulator appears there: `REGENERATE=1 cargo test -p slipbound-lab --test same_bytes`.
 
 use slipbound::pixels::wide::{Vectors, with_vectors};
 use slipbound::port::{FrameBuffer, FrameSource};
@@ -17,11 +17,11 @@ const SCENES: [&str; 5] = [
     "vibration?camera=gelsight_mini&grid=fast&seed=8",
 ];
 
-/// The truth of all of these is summed, and every `PICTURED`-th picture.
+/// The ground truth of all of these is summed, and every `PICTURED`-th image.
 const FRAMES_COUNT: u64 = 48;
 const PICTURED: u64 = 8;
 
-/// FNV-1a, carried on from `sum`.
+/// FNV-1a, continued from `sum`.
 fn fnv(sum: u64, bytes: &[u8]) -> u64 {
     bytes.iter().fold(sum, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01B3))
 }

@@ -1,4 +1,5 @@
-//! Scenes: the same seed gives the same bytes, truth agrees with physics, and what cannot be is refused or flagged.
+//! Scenes: the same seed gives the same bytes, the ground truth agrees with physics, and invalid input is refused or
+//! flagged.
 
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next};
 use slipbound_lab::contact::Event;
@@ -14,7 +15,7 @@ fn trial(text: &str) -> Trial {
     Trial::parse(text).unwrap_or_else(|error| panic!("{text}: {error}"))
 }
 
-/// The truth of every frame, without pictures.
+/// The truth of every frame, without images.
 fn run(text: &str) -> (Vec<FrameTruth>, Option<Gross>) {
     let mut world = World::new(&trial(text)).unwrap_or_else(|error| panic!("{text}: {error}"));
     let mut truths = Vec::new();
@@ -119,7 +120,8 @@ fn frames_come_on_the_worlds_own_clock() {
 
 #[test]
 fn an_object_that_slides_off_on_a_bend_is_told_before_it_has_left_the_finger() {
-    // The pull turns it while it goes: friction lags behind the motion and never does 99 % of the work it could.
+    // The pull turns it while it moves: friction lags behind the motion and never does 99 % of its largest possible
+    // work.
     let (truths, gross) =
         run("ramp?grid=fast&object=screwdriver&force_n=22&mu=0.98&ramp_s=0.516&direction_deg=69&twist_fraction=-0.517");
     let gross = gross.expect("it slides");
@@ -161,7 +163,7 @@ fn gross_slip_is_seen_where_new_cells_keep_sticking() {
     // 30 N on a roll of tape at mu 0.9: cells at the leading edge stick while the object slides.
     let (_, gross) = run("ramp?grid=fast&object=tape_roll&force_n=30&ramp_s=1");
     let gross = gross.expect("it slides");
-    // In units of the friction there is without load; the gel dragged before the roll makes it more.
+    // In units of the friction without load; the gel dragged in front of the roll increases it.
     assert!((1.0..1.2).contains(&gross.load), "{gross:?}");
 }
 
@@ -193,7 +195,7 @@ fn moving_an_object_further_makes_it_slide_towards_there() {
     assert!(gross.is_some());
     let end = truths.last().expect("frames");
     assert!(end.slip.mean_mm.y > 0.5 && end.slip.mean_mm.x.abs() < 0.05, "{:?}", end.slip);
-    // mu P, and what the slopes of its edges add.
+    // mu P, and the contribution of the slopes of its edges.
     assert!((1.0..1.08).contains(&(end.wrench.force_n.y / (0.65 * 5.0))), "{:?}", end.wrench);
     let (truths, gross) = run("twist?grid=fast&object=scissors&force_n=5&angle_deg=-25");
     assert!(gross.is_some());
@@ -238,7 +240,7 @@ fn every_scene_runs_and_every_number_in_its_truth_is_finite() {
     }
 }
 
-/// serde_json writes null for what is not finite; only these keys may be null.
+/// serde_json writes null for values that are not finite; only these keys may be null.
 fn assert_numbers(json: &serde_json::Value, scene: &str) {
     let may_be_null = ["stick_ratio", "friction_used_fraction", "load", "load_fraction", "margin"];
     match json {
@@ -293,7 +295,7 @@ fn strain_beyond_the_linear_range_is_flagged() {
     assert!(truths.iter().any(|truth| truth.beyond_linear));
     let (truths, _) = run("press?grid=fast&object=crayons_box&force_n=5&hold_s=0.1");
     assert!(truths.iter().all(|truth| !truth.beyond_linear));
-    // The gel under a sponge hardly strains; the sponge itself does.
+    // The gel under a sponge hardly strains; the sponge does.
     let (truths, _) = run("press?grid=fast&object=scrub_sponge&force_n=15&hold_s=0.1");
     let end = truths.last().expect("frames");
     assert!(end.beyond_linear && end.largest_strain_fraction < 0.3 && end.object_strain_fraction > 0.3, "{end:?}");

@@ -1,10 +1,10 @@
-//! The validation table, asserted: `cargo run --release -p slipbound-lab --example validate` prints the same rows, and so does
-//! docs/simulator.md, which `REGENERATE=1` writes anew.
+//! The validation table, asserted: `cargo run --release -p slipbound-lab --example validate` prints the same rows, as
+//! does docs/simulator.md, which `REGENERATE=1` rewrites.
 
 use slipbound_lab::validation::{CASES, Row, TABLE_HEAD, rows};
 use std::sync::OnceLock;
 
-/// The rows of a case, made once for all tests.
+/// The rows of a case, computed once for all tests.
 fn rows_of(name: &str) -> &'static [Row] {
     static ROWS: [OnceLock<Vec<Row>>; CASES.len()] = [const { OnceLock::new() }; CASES.len()];
     let number = CASES.iter().position(|(known, _)| *known == name).expect("a case of the table");

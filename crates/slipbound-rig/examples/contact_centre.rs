@@ -1,8 +1,8 @@
-//! Where single pictures of a pressed finger show contact, for `bench/real/check_gelslim3.py`.
+//! Where single images of a pressed finger show contact, for `bench/real/check_gelslim3.py`.
 //!
-//! `contact_centre SENSOR REST PICTURE...` takes REST for the untouched finger, shows every PICTURE to a fresh monitor
-//! until contact would have begun, and prints a line each: file, area in rectified px, centre of the region in px of the
-//! camera image (two dashes without contact). First comes a line `markers COUNT` of the rest frame.
+//! `contact_centre SENSOR REST PICTURE...` takes REST as the untouched finger, shows every PICTURE to a new monitor
+//! until contact would have begun, and prints one line each: file, area in rectified px, centre of the region in px of
+//! the camera image (two dashes without contact). The first line is `markers COUNT` of the rest frame.
 
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
 use slipbound::plane::Vec2;

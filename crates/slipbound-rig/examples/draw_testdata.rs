@@ -1,4 +1,4 @@
-//! Draws testdata/twist.avi: a painted finger is pressed, the object turns, and slip creeps in from the rim.
+//! Draws testdata/twist.avi: a painted finger is pressed, the object turns, and slip spreads from the rim.
 //!
 //! `cargo run --release -p slipbound-rig --example draw_testdata` makes the same bytes again.
 

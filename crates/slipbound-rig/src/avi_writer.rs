@@ -8,24 +8,24 @@ use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Lengths in a RIFF file have 32 bits; players take half of that for certain.
+/// Lengths in a RIFF file have 32 bits; half of that is safe in every player.
 const MAX_BYTES: u64 = 2_000_000_000;
-/// Stands in for a length that is not known yet.
+/// Placeholder for a length that is not known yet.
 const UNKNOWN: u32 = u32::MAX;
 /// avih: the file has an index.
 const HAS_INDEX: u32 = 0x10;
-/// idx1: the frame needs no other to be decoded.
+/// idx1: the frame decodes without any other.
 const KEY_FRAME: u32 = 0x10;
 
-/// Where the fields stand that are filled in last.
+/// Offsets of the fields that are filled in last.
 const RIFF_LENGTH_AT: u64 = 4;
 const FRAMES_COUNT_AT: u64 = 48;
 const STREAM_FRAMES_COUNT_AT: u64 = 140;
 const MOVI_LENGTH_AT: u64 = 216;
-/// What stands in the reserved words of our files.
+/// Content of the reserved words in our files.
 const SIGNATURE: [u8; 16] = *b"slipbound\0\0\0\0\0\0\0";
 const SIGNATURE_AT: usize = 72;
-/// Where the list of frames begins: index entries count from here.
+/// Start of the list of frames: offsets of index entries count from here.
 const MOVI_AT: u64 = 220;
 
 /// An AVI file that cannot be written.
@@ -49,7 +49,7 @@ pub enum Error {
     },
 }
 
-/// Writes JPEG pictures of one size as a Motion-JPEG AVI file.
+/// Writes JPEG images of one size as a Motion-JPEG AVI file.
 #[derive(Debug)]
 pub struct AviWriter {
     path: PathBuf,
@@ -70,7 +70,7 @@ impl AviWriter {
         Ok(AviWriter { path: path.to_owned(), to, at: header.len() as u64, index: Vec::new(), finished: false })
     }
 
-    /// Appends a picture: a whole JPEG of the size given to [`AviWriter::create`].
+    /// Appends an image: a whole JPEG of the size given to [`AviWriter::create`].
     pub fn push(&mut self, jpeg: &[u8]) -> Result<(), Error> {
         let padded = jpeg.len().next_multiple_of(2) as u64;
         let bytes_count = self.at + 8 + padded + 16 * (self.index.len() as u64 + 1);
@@ -126,13 +126,13 @@ impl AviWriter {
 }
 
 impl Drop for AviWriter {
-    /// A file that was not finished is closed as well as it can be: it is then as long as what was written.
+    /// Closes an unfinished file as well as possible: its length is that of what was written.
     fn drop(&mut self) {
-        let _ = self.close(); // `finish` is where a failure is told
+        let _ = self.close(); // `finish` reports failures
     }
 }
 
-/// Whether a file that begins like this was written here.
+/// Whether a file with this start was written by this crate.
 pub(crate) fn is_ours(start: &[u8]) -> bool {
     start.starts_with(b"RIFF") && start.get(SIGNATURE_AT..).is_some_and(|rest| rest.starts_with(&SIGNATURE))
 }

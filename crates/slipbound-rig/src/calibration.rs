@@ -1,4 +1,4 @@
-//! What a calibration found as files, and the shear stiffness from a recording of a hanging mass.
+//! Calibration results as files, and the shear stiffness from a recording of a hanging mass.
 //!
 //! ```text
 //!   Calibration --raise_edges (fabric skins)----> sensor_file, write_grid_picture

@@ -1,5 +1,5 @@
-//! TOML files that a person writes: settings, fingers ([`sensors`]), hands ([`hand`]). A mistake in one is reported with
-//! the file, the key, what was expected and what is there.
+//! TOML files that a person writes: settings, fingers ([`sensors`]), hands ([`hand`]). An error names the file, the
+//! key, what was expected and what was found.
 
 mod error;
 pub mod hand;
@@ -14,7 +14,7 @@ pub use error::Error;
 pub(crate) use layer::{Layer, blame, read_most, read_most_bytes, typed};
 pub use settings::{load_settings, load_task_settings, parse_settings, parse_task_settings, settings_to_toml};
 
-/// A TOML file of another program's own settings: the same reading, and the same words for a mistake.
+/// Loads another program's own TOML settings, with the same error messages.
 pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {
     let layer = Layer::read(path)?;
     typed(layer.table.clone(), std::slice::from_ref(&layer))

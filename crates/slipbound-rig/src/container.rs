@@ -4,16 +4,16 @@
 //!   camera --tap--> every frame that arrives      /left/camera  foxglove.CompressedImage or RawImage, protobuf
 //!     | Newest                                    /left/frame   slipbound.Frame, JSON: number, time, judged or skipped
 //!   monitor ------> report of every judged frame  /left/report  slipbound.Report, JSON (docs/report.schema.json)
-//!                   lines over the picture        /left/annotations  foxglove.ImageAnnotations, protobuf
+//!                   lines over the image          /left/annotations  foxglove.ImageAnnotations, protobuf
 //!   loop ---------> commands, gripper, wrist      /cycle        slipbound.Cycle, JSON: a line of reports.jsonl
 //!                   phases, slips, steps          /event        slipbound.Event, JSON: a line of events.jsonl
 //!                   the frames of every cycle     /cycle/frames slipbound.CycleFrames, JSON: a line of frames.jsonl
 //!   settings, sensor files, camera facts          attachments and metadata
 //! ```
 //!
-//! Everything is written by a thread of its own behind a bounded queue: what does not fit is lost and counted, and never
-//! delays a frame or a cycle. A chunk is closed every half second, so that a program that is killed loses no more.
-//! [`McapSource`] gives the frames that were judged, and those alone, so that a recording is judged again to the same bits.
+//! A separate thread writes everything from a bounded queue. What does not fit is lost and counted; a frame or a cycle
+//! is never delayed. A chunk is closed every half second, so a killed program loses no more than that. [`McapSource`]
+//! returns only the frames that were judged, so judging a recording again gives the same bits.
 
 mod annotations;
 mod book;

@@ -1,4 +1,4 @@
-//! Cameras and serial lines of this computer, and the grippers that are known.
+//! Cameras and serial lines of this computer, and the supported grippers.
 
 mod camera_node;
 
@@ -7,7 +7,7 @@ pub use camera_node::CameraNode;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Every gripper that there is a driver for, and how its address looks.
+/// Every gripper with a driver, and the form of its address.
 pub const GRIPPERS: [(&str, &str); 6] = [
     ("Weiss WSG 50, binary protocol", "wsg50://HOST:1000"),
     ("Weiss WSG 50, text protocol", "gcl://HOST:1000"),
@@ -19,11 +19,11 @@ pub const GRIPPERS: [(&str, &str); 6] = [
 
 /// Where the kernel lists terminals.
 const LIST: &str = "/sys/class/tty";
-/// How far above a terminal its USB device may be.
+/// Levels above a terminal at which its USB device is searched.
 const LEVELS_MOST: usize = 6;
 
-/// Every camera that streams pictures, by number, and which ones may not be opened, with the reason; none where there is no
-/// Video4Linux2.
+/// Every camera that streams images, by number, and those that cannot be opened, with the reason; none where there is
+/// no Video4Linux2.
 pub fn cameras() -> (Vec<CameraNode>, Vec<String>) {
     #[cfg(all(feature = "v4l2", target_os = "linux", target_pointer_width = "64"))]
     let found = crate::source::v4l2::cameras();
@@ -35,9 +35,9 @@ pub fn cameras() -> (Vec<CameraNode>, Vec<String>) {
 /// A serial line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SerialLine {
-    /// Its device: the name that stays, under `/dev/serial/by-id`, where there is one.
+    /// Its device: the persistent name under `/dev/serial/by-id`, where there is one.
     pub path: PathBuf,
-    /// What the adapter calls itself; None where it is no USB adapter.
+    /// The adapter's product name; None if it is not a USB adapter.
     pub product: Option<String>,
     /// The adapter's serial number.
     pub serial: Option<String>,
@@ -52,8 +52,8 @@ impl SerialLine {
         self.serial.as_ref().map_or(product.to_owned(), |serial| format!("{product} serial {serial}"))
     }
 
-    /// A gripper that may be at the other end: its name and address. An RS-485 adapter is what a Robotiq gripper comes with;
-    /// nothing is sent to find out.
+    /// A gripper that may be at the other end: its name and address. Robotiq grippers come with an RS-485 adapter;
+    /// nothing is sent to check.
     pub fn gripper(&self) -> Option<(&'static str, String)> {
         let is_rs485 = self.product.as_ref().is_some_and(|product| product.to_uppercase().contains("RS485"));
         is_rs485.then(|| ("perhaps a Robotiq 2F-85", format!("robotiq://{}", self.path.display())))

@@ -1,7 +1,8 @@
-//! Emulated grippers and an emulated wrist: the real protocols from the other side, moved by [`JawDrive`] and
-//! [`WristDrive`], between their jaws any [`Plant`]. State machines told the time, like the drivers.
+//! Emulated grippers and an emulated wrist: the device side of the real protocols, moved by [`JawDrive`] and
+//! [`WristDrive`], with any [`Plant`] between the jaws. Like the drivers, they are state machines that receive the time
+//! as an argument.
 //!
-//! | name | firmware | speaks |
+//! | name | firmware | protocol |
 //! |---|---|---|
 //! | `wsg50` | [`wsg50::Wsg50`] | WSG-50 binary interface |
 //! | `gcl` | [`gcl::Gcl`] | WSG-50 text interface |

@@ -10,9 +10,9 @@
 //! | `dry` | none: takes every command, moves nothing | [`dry`] |
 //!
 //! Settings may follow the address: `wsg50://192.168.1.20:1000?part_width_mm=28&most_n=40`. Newtons are per finger. A
-//! [`Driver`] is a state machine told the time, around a [`Protocol`]; a [`Device`] is a driver at a socket or a serial
-//! line. No call waits for the jaws; bytes are sent and received in `poll` and `poll_io`, so one of them must be called
-//! every few ms. Whatever fails, the gripper keeps its force.
+//! [`Driver`] is a state machine around a [`Protocol`] and receives the time as an argument; a [`Device`] is a driver
+//! on a socket or a serial line. No call waits for the jaws; bytes are sent and received in `poll` and `poll_io`, so
+//! one of them must be called every few ms. On any failure the gripper keeps its force.
 //!
 //! ```
 //! use slipbound::port::{GripCommand, Gripper};

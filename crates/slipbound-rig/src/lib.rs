@@ -3,20 +3,20 @@
 //! | what | where |
 //! |---|---|
 //! | recordings and cameras as frames: image folders, videos, MCAP, V4L2, MJPEG over HTTP | [`source`] |
-//! | the fingers that are known, and files for others | [`sensors`] |
-//! | a calibration as a sensor file and a picture | [`calibration`] |
-//! | settings files, and how a mistake in one is reported | [`config`] |
+//! | built-in sensors, and files for others | [`sensors`] |
+//! | a calibration as a sensor file and an image | [`calibration`] |
+//! | settings files and their error messages | [`config`] |
 //! | which fingers a hand has and how they are mounted | [`config::hand`] |
-//! | a finger at rest, kept for later | [`rest_file`] |
+//! | a saved rest frame | [`rest_file`] |
 //! | reports as JSON lines | [`report_json`] |
-//! | reports in words | [`report_summary`] |
+//! | report summaries in text | [`report_summary`] |
 //! | how long each step takes | [`timings`] |
-//! | pictures of what was found | [`overlay`] |
+//! | overlay images of the results | [`overlay`] |
 //! | Motion-JPEG AVI files | [`avi_writer`] |
 //! | the control loop in real time | [`realtime`] |
 //! | recordings in one file: frames as they came, reports, settings | `container` |
-//! | the folder and the page that a closed loop leaves, and its replay | [`run`] |
-//! | a page of tables, charts and pictures | [`sheet`] |
+//! | run folder and page of a closed loop, and its replay | [`run`] |
+//! | a page of tables, charts and images | [`sheet`] |
 //! | grippers by their own protocols | [`gripper`] |
 //! | the arm behind the hand | [`wrist`] |
 //! | emulators of the same grippers, for tests without hardware | [`emulator`] |

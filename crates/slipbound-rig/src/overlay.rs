@@ -1,10 +1,10 @@
-//! Pictures of what was found, in the paper's colours.
+//! Overlay images of the results, in the paper's colours.
 //!
 //! ```text
 //!   +--------------------------------------------------------------+
 //!   | verdict   frame, time, contact, motion, slip                 |
 //!   +------------------------------+-------------------------------+
-//!   | the rectified picture:       | the same, paled:              |
+//!   | the rectified image:         | the same, paled:              |
 //!   |  contact green, inner white  |  contact green                |
 //!   |  measured yellow, rigid red  |  slip field black             |
 //!   |  ICR yellow dot              |  slipping markers purple      |

@@ -1,4 +1,4 @@
-//! A file that takes the place of another only when it is whole.
+//! A file that replaces another only once it is complete.
 //!
 //! ```text
 //!   create --> .slipbound-PID-N.part beside it --keep: sync, rename--> NAME
@@ -10,17 +10,17 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// A file that is being written. Dropped, it leaves what was at its place.
+/// A file that is being written. If it is dropped, the old file stays.
 #[derive(Debug)]
 pub(crate) struct ReplacedFile {
     file: File,
-    /// Where it is written, and the place it is to take; None for a pipe or a device, which is written to directly.
+    /// The temporary path and the final path; None for a pipe or a device, which is written to directly.
     beside: Option<(PathBuf, PathBuf)>,
 }
 
 impl ReplacedFile {
-    /// Begins an empty file in the same folder, with the permissions of the one it is to replace. Fails where that may not be
-    /// written, too.
+    /// Creates an empty file in the same folder, with the permissions of the file that it will replace. Also fails if
+    /// that file is not writable.
     pub fn create(path: &Path) -> io::Result<Self> {
         let there = match OpenOptions::new().write(true).open(path) {
             Ok(there) => Some(there),
@@ -34,7 +34,7 @@ impl ReplacedFile {
         if !metadata.is_file() {
             return Ok(ReplacedFile { file: there, beside: None });
         }
-        // What a link leads to is replaced, not the link.
+        // The target of a link is replaced, not the link.
         let replaced = Self::beside(&fs::canonicalize(path)?)?;
         replaced.file.set_permissions(metadata.permissions())?;
         Ok(replaced)
@@ -47,19 +47,19 @@ impl ReplacedFile {
             let part = place.with_file_name(format!(".slipbound-{}-{number}.part", std::process::id()));
             match OpenOptions::new().write(true).create_new(true).open(&part) {
                 Ok(file) => return Ok(ReplacedFile { file, beside: Some((part, place.to_owned())) }),
-                // Left by a program that was killed: in a container its number comes again.
+                // Left by a killed program; in a container its number can recur.
                 Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(e) => return Err(e),
             }
         }
     }
 
-    /// What is written to.
+    /// The file to write to.
     pub fn file(&mut self) -> &mut File {
         &mut self.file
     }
 
-    /// Ends the file and puts it in its place. On a failure what was there stays.
+    /// Completes the file and moves it into place. On failure the old file stays.
     pub fn keep(mut self) -> io::Result<()> {
         let Some((part, place)) = &self.beside else { return Ok(()) };
         self.file.sync_all()?;
@@ -72,7 +72,7 @@ impl ReplacedFile {
 impl Drop for ReplacedFile {
     fn drop(&mut self) {
         if let Some((part, _)) = &self.beside {
-            let _ = fs::remove_file(part); // where this fails too, the first failure is told
+            let _ = fs::remove_file(part); // if this fails too, the first failure is reported
         }
     }
 }

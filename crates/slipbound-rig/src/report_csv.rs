@@ -4,7 +4,7 @@
 //!   finger,frame,seq,time_ns,state,reason,contact_area_px2,...,motion_translation_px_x,...,margin_value,margin_sd,...
 //! ```
 //!
-//! Every row has every column; what is not known is empty. The numbers are those of the JSON lines.
+//! Every row has every column; an unknown value is empty. The numbers are those of the JSON lines.
 
 use crate::report_json::frame_line;
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
@@ -16,10 +16,10 @@ use slipbound::plane::Vec2;
 use std::fmt;
 use std::io::{self, Write};
 
-/// Names of the parts of a place or a displacement.
+/// Names of the components of a position or displacement.
 const PARTS: [&str; 2] = ["x", "y"];
 
-/// A report in which nothing is missing: it shows which columns there are.
+/// A report with every field set: it defines the columns.
 fn full_report() -> SlipReport {
     let some = Some(Estimate { value: 0.0, sd: 0.0, age_frames: 0 });
     let (zero, none) = (Vec2::ZERO, Some(0.0));
@@ -70,7 +70,7 @@ pub fn full_line() -> io::Result<Vec<u8>> {
     frame_line("finger", 0, &full_report(), None)
 }
 
-/// A line of the report whose keys stay in their order.
+/// A line of the report whose keys keep their order.
 enum Ordered {
     Leaf(String),
     Parts(Vec<Ordered>),
@@ -123,7 +123,7 @@ impl<'de> Deserialize<'de> for Ordered {
     }
 }
 
-/// Goes through the leaves of a line in the order of a line in which nothing is missing: `leaf(name, value)`.
+/// Calls `leaf(name, value)` for every leaf of a line, in the order of the complete line `full`.
 fn each_leaf(full: &Ordered, line: Option<&Ordered>, name: &str, leaf: &mut impl FnMut(&str, &str)) {
     let named = |part: &str| if name.is_empty() { part.to_owned() } else { format!("{name}_{part}") };
     match full {
@@ -168,7 +168,7 @@ impl<W: Write> ReportCsv<W> {
         Ok(ReportCsv { to: writer, full, finger: finger.to_owned(), frames_count: 0 })
     }
 
-    /// Writes the row of a frame, whole or not at all as far as the operating system goes.
+    /// Writes the row of a frame, completely or not at all as far as the operating system allows.
     pub fn frame(&mut self, report: &SlipReport) -> io::Result<()> {
         let line = serde_json::from_slice(&frame_line(&self.finger, self.frames_count, report, None)?)?;
         let mut row = csv::StringRecord::new();

@@ -1,7 +1,7 @@
 //! Every slip of a recording as a line: `{"slip":1,"finger":"finger","first_seq":59,...}`.
 //!
-//! A slip goes from the first frame that showed it to the last; it is counted as [`slipbound::events`] says, so its number is
-//! that of the terminal and of the page. What is not known is null.
+//! A slip lasts from the first frame that shows it to the last. It is counted by the rules of [`slipbound::events`], so
+//! its number is the same in the terminal and on the page. Unknown values are null.
 
 use serde::Serialize;
 use slipbound::events::{Episode, Sign, SlipEpisodes};
@@ -73,7 +73,7 @@ impl<W: Write> ReportSlips<W> {
         Ok(())
     }
 
-    /// Writes the slip that still runs when the recording is over.
+    /// Writes the slip still in progress at the end of the recording.
     pub fn finish(mut self) -> io::Result<()> {
         match self.episodes.end() {
             Some(ended) => self.write(&ended),

@@ -1,4 +1,4 @@
-//! A finger at rest in a file, as `slipbound tare` writes it: rest frame out, the same rest frame in, to the last bit.
+//! A saved rest frame, as `slipbound tare` writes it: reading returns the same rest frame, to the last bit.
 //!
 //! ```text
 //!   line 1   {"format":"slipbound-rest","format_version":1,"software_version":..,"bytes":..,"crc32":..}   of what follows
@@ -6,7 +6,7 @@
 //!   line 3   the rest frame
 //! ```
 //!
-//! A file is known by its first line, whatever it is called.
+//! A file is recognised by its first line, not by its name.
 
 use crate::replaced_file::ReplacedFile;
 use serde::{Deserialize, Serialize};
@@ -19,13 +19,13 @@ use std::path::{Path, PathBuf};
 
 /// How every such file begins.
 pub(crate) const START: &[u8] = b"{\"format\":\"slipbound-rest\"";
-/// Grows when a reader of the old files could misread the new ones.
+/// Incremented when a reader of old files could misread new ones.
 const FORMAT_VERSION: u32 = 1;
-/// More than the largest picture at rest takes.
+/// More than the largest rest frame needs.
 const MOST_BYTES: u64 = 1 << 30;
-/// Facts of a finger that its rest frame does not depend on.
+/// Facts of a finger on which its rest frame does not depend.
 const FREE_FACTS: [&str; 4] = ["description", "pitch_mm", "gel_mm", "shear"];
-/// The settings that it does depend on, whichever frames were chosen.
+/// Settings on which it does depend, whichever frames were chosen.
 const BINDING_SETTINGS: [&str; 2] = ["imprint", "markers"];
 
 /// A finger at rest, and what it was made from.
@@ -45,7 +45,8 @@ pub struct MadeOf {
     pub source: String,
     /// The frames that were averaged: from, to (exclusive).
     pub frames: [u64; 2],
-    /// Root mean square distance of the middle marker from its mean place while nothing moved, px; None where too few frames showed it.
+    /// Median over the markers of the RMS distance from the mean position while nothing moved, px; None where too few
+    /// frames showed it.
     pub noise_px: Option<f64>,
     /// The finger, at the resolution of its sensor file.
     pub sensor: Sensor,
@@ -63,7 +64,7 @@ struct FirstLine {
     crc32: u32,
 }
 
-/// What of the first line every version has.
+/// The part of the first line that every version has.
 #[derive(Debug, Deserialize)]
 struct AnyVersion {
     format_version: u32,
@@ -71,7 +72,7 @@ struct AnyVersion {
     software_version: String,
 }
 
-/// A finger at rest that cannot be written, read, or used.
+/// A rest file that cannot be written, read, or used.
 #[derive(Debug, thiserror::Error)]
 pub enum RestFileError {
     /// The operating system refused.
@@ -90,13 +91,13 @@ pub enum RestFileError {
         /// The reason.
         source: io::Error,
     },
-    /// It is something else.
+    /// It is not a rest file.
     #[error("{file}: expected a finger at rest as `slipbound tare` writes it, got something else")]
     Other {
         /// The file.
         file: String,
     },
-    /// Another version wrote it, in another form.
+    /// Another version wrote it, in another format.
     #[error(
         "{file}: expected a finger at rest of format version {expected}, got {got}, written by slipbound {software}: take it anew \
          with `slipbound tare`"
@@ -111,7 +112,7 @@ pub enum RestFileError {
         /// The software that wrote it.
         software: String,
     },
-    /// Its bytes are not those that were written.
+    /// It is damaged: its bytes are not those that were written.
     #[error("{file}: damaged: {problem}: take it anew with `slipbound tare`")]
     Damaged {
         /// The file.
@@ -119,7 +120,7 @@ pub enum RestFileError {
         /// What was expected and got.
         problem: String,
     },
-    /// It is another finger's, or was made with other settings.
+    /// It belongs to another finger, or was made with other settings.
     #[error("{file}: {whose}: {key}: expected {expected}, got {got} in the file")]
     Foreign {
         /// The file.
@@ -128,14 +129,14 @@ pub enum RestFileError {
         whose: &'static str,
         /// The first key that differs.
         key: String,
-        /// The value that the finger has, or the settings have.
+        /// The value of the finger or of the settings.
         expected: String,
         /// The value in the file.
         got: String,
     },
 }
 
-/// Whether the file begins as a finger at rest does; false for one that cannot be read.
+/// Whether the file begins like a rest file; false for one that cannot be read.
 pub fn is_rest(path: &Path) -> bool {
     let mut start = Vec::new();
     let read = File::open(path).and_then(|file| file.take(START.len() as u64).read_to_end(&mut start));
@@ -143,7 +144,7 @@ pub fn is_rest(path: &Path) -> bool {
 }
 
 impl SavedRest {
-    /// The bytes of its file. Fails for a number that JSON does not have.
+    /// The bytes of its file. Fails for a number that JSON cannot represent.
     pub fn to_bytes(&self) -> serde_json::Result<Vec<u8>> {
         let mut rest = serde_json::to_vec(&self.made_of)?;
         rest.push(b'\n');
@@ -162,7 +163,7 @@ impl SavedRest {
         Ok(bytes)
     }
 
-    /// Writes the file whole, or leaves what was there.
+    /// Writes the complete file, or leaves the old one unchanged.
     pub fn write(&self, path: &Path) -> Result<(), RestFileError> {
         use io::Write as _;
         let bytes = self.to_bytes().map_err(io::Error::from);
@@ -178,7 +179,7 @@ impl SavedRest {
     pub fn read(path: &Path) -> Result<Self, RestFileError> {
         let failed = |source| RestFileError::Read { path: path.to_owned(), source };
         let (mut file, mut bytes) = (File::open(path).map_err(failed)?, Vec::new());
-        // Of what is something else, which may never end, no more than that is read.
+        // Another kind of file may never end, so no more than this is read of it.
         file.by_ref().take(START.len() as u64).read_to_end(&mut bytes).map_err(failed)?;
         if bytes == START {
             file.take(MOST_BYTES).read_to_end(&mut bytes).map_err(failed)?;
@@ -186,7 +187,7 @@ impl SavedRest {
         Self::from_bytes(&bytes, &path.display().to_string())
     }
 
-    /// What a file holds; in messages it is called `file`.
+    /// Parses the content of a file; messages call it `file`.
     pub fn from_bytes(bytes: &[u8], file: &str) -> Result<Self, RestFileError> {
         let file = || file.to_owned();
         let damaged = |problem: String| RestFileError::Damaged { file: file(), problem };
@@ -213,7 +214,7 @@ impl SavedRest {
         })
     }
 
-    /// Checks that it is of this finger, and for a monitor with these settings. `file`: what it is called in messages.
+    /// Checks that it belongs to this finger and to a monitor with these settings. `file`: its name in messages.
     pub fn check(&self, sensor: &Sensor, settings: &Settings, file: &str) -> Result<(), RestFileError> {
         let foreign =
             |whose, (key, expected, got)| RestFileError::Foreign { file: file.into(), whose, key, expected, got };
@@ -228,7 +229,7 @@ impl SavedRest {
     }
 }
 
-/// Up to the first end of a line, and what is behind it.
+/// The bytes up to the first line end, and those after it.
 fn line(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let end = bytes.iter().position(|byte| *byte == b'\n')?;
     Some((&bytes[..end], &bytes[end + 1..]))
@@ -239,13 +240,13 @@ fn crc32(bytes: &[u8]) -> u32 {
     CRC.checksum(bytes)
 }
 
-/// The first key, dotted, whose values differ, and both; of the outermost keys only those that `counts` says.
+/// The first dotted key whose values differ, and both values. Compares only the outermost keys that `counts` accepts.
 fn difference(
     a: &impl Serialize,
     b: &impl Serialize,
     counts: impl Fn(&str) -> bool,
 ) -> Option<(String, String, String)> {
-    // What has come from a file can be written to one.
+    // Both can be written as JSON: such values come from files.
     let (Ok(Value::Object(a)), Ok(Value::Object(b))) = (serde_json::to_value(a), serde_json::to_value(b)) else {
         return None;
     };

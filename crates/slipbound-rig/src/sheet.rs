@@ -1,4 +1,4 @@
-//! A page of tables, charts and pictures in one file, without script: what an evaluation or a paper leaves to look at.
+//! A page of tables, charts and images in one file, without script, for the results of an evaluation or a paper.
 //!
 //! ```text
 //!   Sheet: title, then parts in their order: Heading, Text, Table, Chart, Figures
@@ -40,11 +40,11 @@ pub enum Part {
     Table(Vec<String>, Vec<Vec<String>>),
     /// A chart.
     Chart(Chart),
-    /// Pictures side by side; a click enlarges one.
+    /// Images side by side; a click enlarges one.
     Figures(Vec<Figure>),
 }
 
-/// A picture with what it shows.
+/// An image with what it shows.
 #[derive(Debug, Clone)]
 pub struct Figure {
     title: String,
@@ -52,7 +52,7 @@ pub struct Figure {
     jpeg: Vec<u8>,
 }
 
-/// A picture that cannot be put on a page.
+/// An image that cannot be put on a page.
 #[derive(Debug, thiserror::Error)]
 #[error("picture {title:?}: {why}")]
 pub struct FigureError {
@@ -61,7 +61,7 @@ pub struct FigureError {
 }
 
 impl Figure {
-    /// A picture of red, green and blue, rows without gaps, made smaller where it is wide.
+    /// An image of red, green and blue, rows without gaps, made smaller where it is wide.
     pub fn new(title: &str, caption: &str, rgb: &[u8], size: SizePx) -> Result<Self, FigureError> {
         let jpeg = picture::jpeg(rgb, size.width as u32, size.height as u32)
             .map_err(|why| FigureError { title: title.into(), why })?;
@@ -101,7 +101,7 @@ fn table(f: &mut fmt::Formatter<'_>, columns: &[String], rows: &[Vec<String>]) -
     for row in rows {
         write!(f, "<tr>")?;
         for cell in row {
-            // An interval stands smaller behind its number.
+            // An interval follows its number in smaller type.
             match cell.split_once(" [") {
                 Some((value, interval)) => {
                     write!(f, "<td>{} <small>[{}</small></td>", Escaped(value), Escaped(interval))?;

@@ -1,4 +1,4 @@
-//! Recordings and cameras as [`FrameSource`]s: `open("uri")` finds out which.
+//! Recordings and cameras as [`FrameSource`]s: `open("uri")` selects the kind.
 //!
 //! ```text
 //!   folder/   'grasp_*.png'   frame.jpg            video.avi (MJPG)        any other video
@@ -17,12 +17,12 @@
 //! | `v4l2:` camera | the driver's, gaps counted | the driver's stamp | device |
 //! | `rtsp://` and others, through `ffmpeg` | place | arrival | host |
 //!
-//! The last three are live ([`is_live`]): a [`Camera`] says what was negotiated and counts what becomes of its frames; on a
-//! thread of its own ([`Newest`]) the newest frame wins.
+//! The last three are live ([`is_live`]): a [`Camera`] reports the negotiated settings and counts its frames and
+//! losses; on a thread of its own ([`Newest`]) only the newest frame is kept.
 //!
-//! The rate in a video's header is often not the rate it was recorded at: nobody measured it, so the clock says
-//! `assumed`. A picture that cannot be decoded whole is [`Next::Torn`](slipbound::port::Next) and the recording
-//! goes on; EXIF orientation is ignored, for a finger's camera is turned by its sensor file.
+//! The rate in a video's header often differs from the true recording rate, so the clock is `assumed`. An image that
+//! cannot be decoded completely is [`Next::Torn`](slipbound::port::Next) and the recording goes on. EXIF orientation is
+//! ignored: the sensor file defines how the camera is rotated.
 //!
 //! ```no_run
 #![doc = include_str!("../examples/watch_recording.rs")]
@@ -68,12 +68,12 @@ use std::fs::{self, File};
 use std::io::{self, BufReader, ErrorKind, Read, Seek};
 use std::path::{Path, PathBuf};
 
-/// Whether frames come by themselves and are gone when nobody takes them.
+/// Whether frames arrive on their own and are lost if not taken.
 pub fn is_live(uri: &str) -> bool {
     ["http://", "v4l2:"].iter().chain(&ffmpeg_live::SCHEMES).any(|scheme| uri.starts_with(scheme))
 }
 
-/// Opens a live source, of which [`is_live`] is true.
+/// Opens a live source, for which [`is_live`] is true.
 pub fn open_camera(uri: &str) -> Result<Camera, Error> {
     if uri.starts_with("v4l2:") {
         return open_v4l2(uri);
@@ -115,7 +115,7 @@ pub fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, Error> {
             Some(kind) => Err(Error::OtherImages { path: path.to_owned(), kind, count: 1 }),
             None => open_video(path),
         },
-        // A file whose own name holds such signs was found above.
+        // A file whose name contains such characters was found above.
         Err(_) if uri.contains(['*', '?', '[', '%']) => Ok(Box::new(Folder::matching(uri)?)),
         Err(e) if matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::InvalidFilename) => {
             Err(Error::Missing { path: path.to_owned() })
@@ -124,7 +124,8 @@ pub fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, Error> {
     }
 }
 
-/// `FILE.mcap` or `FILE.mcap#TOPIC`, or the same of a `.db3`, as file and topic; None for anything else, and where no such file is.
+/// `FILE.mcap` or `FILE.mcap#TOPIC`, or the same for a `.db3`, as file and topic; None for anything else, and if there
+/// is no such file.
 pub fn mcap_file(uri: &str) -> Option<(&str, Option<&str>)> {
     let is_it = |path: &str| [".mcap", ".db3"].iter().any(|end| path.ends_with(end)) && Path::new(path).is_file();
     if is_it(uri) {
@@ -189,7 +190,7 @@ fn open_video(path: &Path) -> Result<Box<dyn FrameSource + Send>, Error> {
     }
 }
 
-/// Of an AVI file whose header states a rate that no camera has, and which is not believed: that, in words. Its frames have no
+/// A message for an AVI file whose header states a rate that no camera has. The rate is ignored and its frames have no
 /// time. None for every other source.
 pub fn doubtful_rate(uri: &str) -> Option<String> {
     let path = Path::new(uri);
@@ -206,7 +207,7 @@ pub fn doubtful_rate(uri: &str) -> Option<String> {
     })
 }
 
-/// Up to 12 bytes from the start; the file is wound back.
+/// Up to 12 bytes from the start; the file is rewound.
 fn first_bytes(file: &mut (impl Read + Seek)) -> io::Result<Vec<u8>> {
     let mut start = Vec::with_capacity(12);
     file.take(12).read_to_end(&mut start)?;

@@ -1,4 +1,4 @@
-//! How long each step of the monitor takes: the only clock that looks at the method, through its [`Probe`].
+//! Time that each step of the monitor takes, measured through its [`Probe`]: the only clock that times the method.
 
 use crate::whole_lines::WholeLines;
 use slipbound::monitor::{Probe, SlipMonitor, SlipReport, Step};

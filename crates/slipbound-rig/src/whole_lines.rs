@@ -1,28 +1,28 @@
-//! A file of lines that holds whole lines only, whatever the disk does.
+//! A file that holds complete lines only, even when the disk fails.
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// Collects what is written until a line ends, then hands it to the file in one write. Of a line that cannot be written whole
-/// nothing stays, so that the lines before it can be read, and those after it where the disk takes them again.
+/// Buffers a line until it ends, then writes it in one call. A line that cannot be written completely is removed, so
+/// the lines before it stay readable, and so do later ones once the disk accepts them again.
 #[derive(Debug)]
 pub struct WholeLines {
     file: File,
-    /// Bytes of the whole lines in the file.
+    /// Length of the complete lines in the file, bytes.
     length: u64,
-    /// A line whose end has not come yet.
+    /// A line that has not ended yet.
     begun: Vec<u8>,
 }
 
 impl WholeLines {
-    /// A new file, or an empty one in the place of an old one.
+    /// Creates a file, or empties an existing one.
     pub fn create(path: &Path) -> io::Result<Self> {
         Ok(WholeLines { file: File::create(path)?, length: 0, begun: Vec::new() })
     }
 
     fn drop_half_line(&mut self) {
-        // What fails here too is the same disk: its first failure is what is told.
+        // If this fails too, it is the same disk: the first failure is reported.
         let _ = self.file.set_len(self.length).and_then(|()| self.file.seek(SeekFrom::Start(self.length)));
     }
 }
@@ -44,7 +44,7 @@ impl Write for WholeLines {
         written.map(|()| bytes.len())
     }
 
-    /// Whole lines are in the file already; a line that has only begun waits for its end.
+    /// Complete lines are in the file already; a partial line waits for its end.
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
@@ -70,7 +70,7 @@ mod tests {
         let path = folder.path().join("lines");
         let mut lines = WholeLines::create(&path).expect("creates");
         lines.write_all(b"first\nsec").expect("writes");
-        lines.file.write_all(b"half of").expect("writes"); // as a disk that fills up in the middle of a line leaves it
+        lines.file.write_all(b"half of").expect("writes"); // as a disk leaves it that fills up in the middle of a line
         lines.drop_half_line();
         lines.write_all(b"ond\nnever ended").expect("writes");
         drop(lines);

@@ -1,16 +1,16 @@
-//! Whether a file was written by this software, so that writing it anew destroys nothing of anybody else.
+//! Whether a file was written by this software, so that overwriting it destroys nobody else's data.
 //!
-//! | file | how it is known |
+//! | file | how it is recognised |
 //! |---|---|
 //! | report | its first line begins with `{"format":"slipbound-report"` |
 //! | finger at rest | it begins with `{"format":"slipbound-rest"` |
 //! | timings | its first line begins with `{"seq":` and names a time in microseconds |
-//! | log of an emulator | its first line begins with `{"unix_ns":` and tells whether the block is carried |
+//! | log of an emulator | its first line begins with `{"unix_ns":` and states whether the block is carried |
 //! | table | its first line begins with `finger,frame,seq,time_ns,state,reason,contact_area_px2` |
 //! | slips | its first line begins with `{"slip":` |
 //! | page | `<meta name="generator" content="slipbound"/>` |
 //! | overlay video | `slipbound` in the reserved words of its AVI header |
-//! | overlay picture | the PNG text `Software: slipbound` |
+//! | overlay image | the PNG text `Software: slipbound` |
 
 use crate::avi_writer;
 use crate::rest_file;
@@ -18,10 +18,10 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-/// Bytes from the start that are looked at.
+/// Bytes at the start that are checked.
 const START_BYTES: u64 = 512;
 
-/// Whether the file was written here; an empty one counts, for it holds nothing.
+/// Whether this software wrote the file; an empty one counts, because it holds nothing.
 pub fn is_ours(path: &Path) -> io::Result<bool> {
     let mut start = Vec::new();
     File::open(path)?.take(START_BYTES).read_to_end(&mut start)?;

@@ -1,4 +1,4 @@
-//! ROS 2 bags in SQLite: rows in many pages, long ones over several, and whatever a damaged file says.
+//! ROS 2 bags in SQLite: rows in many pages, long ones over several, and anything in a damaged file.
 #![cfg(feature = "mcap")]
 
 use proptest::prelude::*;
@@ -7,7 +7,7 @@ use slipbound_rig::source;
 use std::fs;
 
 const PAGE_BYTES: usize = 512;
-/// Longest row that stands in one page, bytes.
+/// Longest row that fits in one page, bytes.
 const MOST_LOCAL_BYTES: usize = PAGE_BYTES - 35;
 /// Children of a page.
 const CHILDREN_COUNT: usize = 12;
@@ -51,7 +51,7 @@ fn row(values: &[Value<'_>]) -> Vec<u8> {
     [varint(kinds.len() as u64 + 1), kinds, body].concat()
 }
 
-/// A row as it stands in a leaf; what does not fit goes into pages of its own.
+/// A row as stored in a leaf; what does not fit goes into pages of its own.
 fn cell(key: u64, row: &[u8], pages: &mut Vec<Vec<u8>>) -> Vec<u8> {
     let head = [varint(row.len() as u64), varint(key)].concat();
     if row.len() <= MOST_LOCAL_BYTES {
@@ -91,7 +91,7 @@ fn page(kind: u8, head_bytes: usize, right: Option<u32>, cells: &[Vec<u8>]) -> V
     page
 }
 
-/// A leaf a row, and pages over them in as many levels as it takes; the number of the topmost.
+/// One leaf per row, and pages over them in as many levels as needed; returns the number of the topmost page.
 fn table(rows: &[Vec<u8>], pages: &mut Vec<Vec<u8>>) -> u32 {
     let mut children = Vec::new();
     for (row, key) in rows.iter().zip(1..) {
@@ -132,7 +132,7 @@ fn image(seconds: u32, grey: u8) -> Vec<u8> {
     out
 }
 
-/// A bag of so many pictures on each of these topics, in turns.
+/// A bag of this many images on each of these topics, in turns.
 fn bag(topics: &[&str], count: u32) -> Vec<u8> {
     let mut pages = vec![Vec::new()];
     let named = |name: &&str| {

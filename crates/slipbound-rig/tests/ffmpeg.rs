@@ -1,4 +1,4 @@
-//! Videos that the program `ffmpeg` decodes. Without it on this machine there is nothing to test here.
+//! Videos that the program `ffmpeg` decodes. Without it there is nothing to test.
 
 use slipbound::image::SizePx;
 use slipbound::port::{Clock, FrameBuffer, Next, SourceErrorKind};
@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Ten frames of ffmpeg's own test picture; None where there is no ffmpeg.
+/// Ten frames of ffmpeg's own test image; None where there is no ffmpeg.
 fn video(dir: &Path, name: &str, codec: &[&str]) -> Option<PathBuf> {
     let path = dir.join(name);
     let made = Command::new("ffmpeg")
@@ -59,7 +59,7 @@ fn every_frame_comes_once_and_the_same_each_time() {
     }
 }
 
-/// Half a second in which the recorder wrote nothing is no time of ten frames.
+/// A gap of half a second in the recording shows in the frame times: it does not count as ten frames.
 #[test]
 fn a_video_of_varying_rate_has_the_times_of_its_container() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -1,5 +1,5 @@
-//! Pictures, fingers at rest and files of settings with bytes that somebody changed: an answer or an error, never a panic, never a picture
-//! whose pixels are not all there. `SLIPBOUND_NOISE_CASES` chooses how many.
+//! Images, rest files and settings files with changed bytes: a result or an error, never a panic, never an image with
+//! missing pixels. `SLIPBOUND_NOISE_CASES` sets the number of cases.
 
 use slipbound::image::SizePx;
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
@@ -24,7 +24,7 @@ fn cases_count() -> usize {
     std::env::var("SLIPBOUND_NOISE_CASES").ok().and_then(|count| count.parse().ok()).unwrap_or(30_000)
 }
 
-/// Some bytes changed, the end cut off, a piece doubled or left out.
+/// Some bytes changed, the end cut off, a piece duplicated or left out.
 fn spoil(bytes: &mut Vec<u8>, random: &mut Random) {
     for _ in 0..=random.below(6) {
         let at = random.below(bytes.len());
@@ -128,7 +128,7 @@ fn settings_with_changed_bytes_are_read_or_refused() {
     assert!(read_count >= 2 && refused_count > 100, "{read_count} read, {refused_count} refused");
 }
 
-/// A finger of 6 x 5 dots at rest, in its file.
+/// The rest file of a finger with 6 x 5 dots.
 fn rest_file(size: SizePx) -> Vec<u8> {
     let mut sensor = sensors::load("gelsight_mini_wide").expect("built in");
     (sensor.image_px, sensor.pitch_px, sensor.marker_diameter_px) = (size, 14.0, 6.0);
@@ -147,7 +147,7 @@ fn rest_file(size: SizePx) -> Vec<u8> {
     SavedRest { rest, made_of }.to_bytes().expect("numbers")
 }
 
-/// Its checksum would refuse nearly every one; so it is made anew.
+/// The checksum would refuse nearly every case, so it is computed again.
 #[test]
 fn a_finger_at_rest_with_changed_bytes_is_one_or_is_refused() {
     let size = SizePx::new(96, 72);

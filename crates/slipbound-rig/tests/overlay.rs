@@ -1,4 +1,4 @@
-//! The overlay of a finger drawn by numbers: every sign is there in its colour, and nowhere else.
+//! The overlay of a computed finger: every symbol appears in its colour, and nowhere else.
 
 use slipbound::image::{Frame, Gray, Pixels, SizePx};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipRule, SlipState};
@@ -38,8 +38,8 @@ fn frame(pixels: &[u8], seq: u64) -> Frame<'_> {
     Frame { pixels: Pixels::Gray(Gray::new(pixels, SIZE).expect("whole")), seq, time_ns: None }
 }
 
-/// A monitor that has just seen the patch turn by 0.12 rad while its rim, but for the inner 55 px, stays behind.
-/// Slip by the paper's rule, which says of single markers that they slip.
+/// A monitor that has just seen the patch turn by 0.12 rad while its rim, outside the inner 55 px, stays behind. Slip
+/// by the paper's rule, which decides for single markers.
 fn slipping() -> (SlipMonitor, Vec<u8>, SlipReport) {
     let sensor = sensors::load("gelsight_mini_wide").expect("built in");
     let mut settings = Settings::default();
@@ -67,7 +67,7 @@ fn slipping() -> (SlipMonitor, Vec<u8>, SlipReport) {
     (monitor, pixels, report)
 }
 
-/// Pixels of just this colour in the left and in the right half.
+/// Pixels of exactly this colour in the left and in the right half.
 fn count(overlay: &Overlay, rgb: [u8; 3]) -> [usize; 2] {
     let width = overlay.size().width;
     let mut counts = [0, 0];

@@ -1,4 +1,4 @@
-//! An observer that blocks does not stop the loop: what it is not shown is counted.
+//! An observer that blocks does not stop the loop: the cycles that it misses are counted.
 
 #[path = "run/screw.rs"]
 #[allow(dead_code)] // one made-up cycle is enough
@@ -31,7 +31,7 @@ impl FrameSource for Silent {
     }
 }
 
-/// Waits for leave before each cycle; keeps what it was shown.
+/// Waits for permission before each cycle; keeps what it was shown.
 struct Waiting {
     leave: Receiver<()>,
     seqs: Vec<u64>,
@@ -41,7 +41,7 @@ struct Waiting {
 
 impl CycleObserver for Waiting {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
-        let _ = self.leave.recv(); // with nobody left to give leave it goes on
+        let _ = self.leave.recv(); // continues when nobody can give permission any more
         self.seqs.push(view.fingers[0].frame.seq);
         self.encoded.push(view.fingers[0].frame.encoded.clone());
         self.events.extend_from_slice(view.driver_events);
@@ -66,7 +66,7 @@ fn a_blocked_observer_loses_cycles_and_stops_nothing() {
     let (leave, waits) = sync_channel(0);
     let waiting = Waiting { leave: waits, seqs: Vec::new(), encoded: Vec::new(), events: Vec::new() };
     let mut queue = QueuedObserver::new(waiting, DEPTH_COUNT, true);
-    run(&mut queue); // returns though the observer has not had leave once
+    run(&mut queue); // returns although the observer never got permission
     let finished = queue.finish(Duration::from_millis(20));
     assert!(finished.observer.is_none());
     assert_eq!(finished.lost_count, CYCLES_COUNT);
@@ -101,7 +101,7 @@ fn an_observer_that_keeps_up_is_shown_everything() {
     assert!(shown.encoded.iter().all(Vec::is_empty), "encoded bytes are copied only where they are kept");
 }
 
-/// Writes a run on a disk that waits for leave before each cycle.
+/// Writes a run on a disk that waits for permission before each cycle.
 struct SlowDisk {
     leave: Receiver<()>,
     recorder: RunRecorder,
@@ -109,12 +109,12 @@ struct SlowDisk {
 
 impl CycleObserver for SlowDisk {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
-        let _ = self.leave.recv(); // with nobody left to give leave it goes on
+        let _ = self.leave.recv(); // continues when nobody can give permission any more
         self.recorder.after_cycle(view);
     }
 }
 
-/// A replay goes cycle by cycle: after a cycle that is missing, frames and reports would be taken for those of others.
+/// A replay goes cycle by cycle: after a missing cycle, frames and reports would be assigned to the wrong ones.
 #[test]
 fn a_cycle_that_is_lost_on_the_way_to_a_run_is_a_gap_after_which_no_frame_is_kept() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -141,7 +141,7 @@ fn a_cycle_that_is_lost_on_the_way_to_a_run_is_a_gap_after_which_no_frame_is_kep
             truth: None,
         });
     };
-    (0..10).for_each(|n| show(&mut queue, n)); // the disk stands still
+    (0..10).for_each(|n| show(&mut queue, n)); // the disk is blocked
     (0..DEPTH_COUNT).for_each(|_| leave.send(()).expect("it waits"));
     std::thread::sleep(Duration::from_millis(200)); // the last snapshot is on its way back
     (10..13).for_each(|n| show(&mut queue, n));
@@ -156,7 +156,8 @@ fn a_cycle_that_is_lost_on_the_way_to_a_run_is_a_gap_after_which_no_frame_is_kep
     assert!(events.contains("6 cycles before this were not written"), "{events}");
 }
 
-/// The same for a recording in one file: the frames that the loop took are listed up to the gap, and never without their cycle.
+/// The same for a recording in one file: the frames that the loop took are listed up to the gap, and never without
+/// their cycle.
 #[cfg(feature = "mcap")]
 #[test]
 fn a_cycle_that_is_lost_on_the_way_to_a_recording_is_a_gap_after_which_no_frame_is_listed() {
@@ -193,7 +194,7 @@ fn a_cycle_that_is_lost_on_the_way_to_a_recording_is_a_gap_after_which_no_frame_
     assert!(text("events.jsonl").contains("6 cycles before this were not written"), "{}", text("events.jsonl"));
 }
 
-/// Shows what it was shown to the thread of the test, one cycle at a time.
+/// Passes what it was shown to the test's thread, one cycle at a time.
 struct Mirror(SyncSender<Shown>);
 
 #[derive(Debug, PartialEq)]
@@ -231,7 +232,7 @@ fn monitor() -> SlipMonitor {
     SlipMonitor::new(&sensor, &Settings::default(), finder.find().expect("rest").rest).expect("valid")
 }
 
-/// Snapshots are recycled: nothing of an earlier cycle may be shown again, and what is dear is copied at a slip alone.
+/// Snapshots are reused: nothing of an earlier cycle may be shown again, and expensive data are copied only at a slip.
 #[test]
 fn a_recycled_snapshot_shows_this_cycle_and_pixels_and_monitor_when_a_slip_begins() {
     let (monitor, cycle) = (monitor(), screw::cycles()[150]);

@@ -25,7 +25,7 @@ fn write_avi(path: &Path, frames_count: usize) {
     avi.finish().expect("finishes");
 }
 
-/// What a source gives until it ends: `.` for a frame, the reason for a torn one.
+/// What a source returns until it ends: `.` for a frame, the reason for a torn one.
 fn drain(source: &mut dyn FrameSource) -> Vec<String> {
     let mut frame = FrameBuffer::default();
     let mut seen = Vec::new();

@@ -1,17 +1,20 @@
-//! How fast a finger is judged, for `bench/speed.sh`: medians and tails against one copy of the frame, growth with pixels and
-//! with markers, many fingers at once. Prints JSON; `judge` prints nothing and is there to have its instructions counted.
+//! Time per frame, for `bench/speed.sh`: medians and tails relative to one copy of the frame, growth with pixels and
+//! with markers, many fingers at once. Prints JSON; `judge` prints nothing: it is for counting instructions.
 //!
 //! ```text
-//!   speed judge   FINGER FRAMES [MARKERS]   judges so many frames; with so many markers, of 1280x960 px
-//!   speed measure FINGER FRAMES     whole step and each step, us: median of the mean of 30 frames in a row, 99.9th percentile of one, the dearest
-//!                                   frame of a turn; and the whole step of a camera of 30 Hz, of which every frame gets everything; between
-//!                                   them the tail of copies that take as long as a step: what the machine adds
-//!   speed turns   FINGER            for each line on standard input the medians of 300 steps and of 60 copies, to be run in turn with others
+//!   speed judge   FINGER FRAMES [MARKERS]   judges FRAMES frames; with MARKERS markers, of 1280x960 px
+//!   speed measure FINGER FRAMES     whole step and each step, us: median of the mean of 30 consecutive frames, 99.9th
+//!                                   percentile of one, the slowest frame of the schedule; and the whole step at
+//!                                   30 Hz, where every frame runs all steps; in between the tail of copies that take
+//!                                   as long as a step: the jitter of the machine
+//!   speed turns   FINGER            for each line on standard input the medians of 300 steps and of 60 copies, to be
+//!                                   run alternately with others
 //!   speed growth  FINGER            medians for 320x240 to 1920x1440 px, and for 50 to 5,000 markers
 //!   speed memory  FINGER            resident memory of a monitor, MiB
 //!   speed fingers FINGER SECONDS    1 to 16 monitors at 90 Hz on all cores: late frames, share of the cores in use
 //! ```
-//! FINGER: smooth, fabric, rectified (fabric, every pixel resampled). 640x480 colour, 391 markers of 8.4 px, in contact, grip known.
+//! FINGER: smooth, fabric, rectified (fabric, every pixel resampled). 640x480 colour, 391 markers of 8.4 px, in
+//! contact, grip known.
 #![allow(missing_docs, clippy::disallowed_types, clippy::disallowed_macros)] // a bench reads the clock and prints
 
 #[path = "../tests/picture/mod.rs"]
@@ -34,10 +37,10 @@ const FRAME_NS: u64 = 1_000_000_000 / 90;
 const SLOW_FRAME_NS: u64 = 1_000_000_000 / 30;
 const WARM_UP_FRAMES: usize = 200;
 
-/// After so many frames at 90 Hz the same frames of the twelve meet the same steps again.
+/// Length of the schedule, frames: at 90 Hz the twelve frames then meet the same steps again.
 const TURN_FRAMES: usize = 60;
 
-/// A finger and some frames of it, to be judged over and over.
+/// A finger and some frames of it, to be judged repeatedly.
 #[derive(Clone)]
 struct Recording {
     size: SizePx,
@@ -59,7 +62,7 @@ impl Recording {
         painter.sensor.shear = Some(Shear { stiffness_n_per_pitch: 0.2, provenance: "assumed".into() });
         let (width, height) = (size.width as f64, size.height as f64);
         if finger == "rectified" {
-            // A slight turn, so that every pixel is resampled.
+            // A slight rotation, so that every pixel is resampled.
             let homography = Homography([[1.0, 0.02, -5.0], [-0.02, 1.0, 6.0], [0.0, 0.0, 1.0]]);
             let crop_px = [0, 0, size.width, size.height];
             painter.sensor.rectification = Some(Rectification { homography, crop_px, distortion: None });
@@ -112,19 +115,20 @@ impl Probe for StepTimes {
     }
 }
 
-/// The value below which this share of the times lies, us.
+/// The given quantile of the times, us.
 fn quantile_us(times: &mut [f64], share: f64) -> f64 {
     times.sort_unstable_by(f64::total_cmp);
     times[((times.len() - 1) as f64 * share).round() as usize]
 }
 
-/// Median of the mean of 30 frames in a row: at 90 Hz some steps are done in every third frame, one in every fifth.
+/// Median of the mean of 30 consecutive frames: at 90 Hz some steps run in every third frame, one in every fifth.
 fn turn_us(times: &[f64]) -> f64 {
     let mut turns: Vec<f64> = times.as_chunks::<30>().0.iter().map(|turn| turn.iter().sum::<f64>() / 30.0).collect();
     quantile_us(&mut turns, 0.5)
 }
 
-/// The dearest place of a turn, by the median of all frames that fell on it: what the steps themselves add to the tail, without what the machine does.
+/// The slowest frame of the schedule, by the median over all repetitions: the tail caused by the steps, without the
+/// machine.
 fn dearest_us(times: &[f64]) -> f64 {
     let of_place = |place: usize| {
         let mut same: Vec<f64> = times.iter().skip(place).step_by(TURN_FRAMES).copied().collect();
@@ -139,7 +143,7 @@ fn timed_us(work: impl FnOnce()) -> f64 {
     1e6 * start.elapsed().as_secs_f64()
 }
 
-/// A finger that has been judged for a while, and where its frames are copied to.
+/// A finger after warm-up, and the target buffer of the copies.
 struct Warm {
     recording: Recording,
     target: Vec<u8>,
@@ -157,7 +161,7 @@ impl Warm {
         (0..count).map(|_| timed_us(|| self.recording.judge(&mut ())))
     }
 
-    /// So many times the copies of so many frames, of the same twelve in turn that the monitor sees.
+    /// Times of `count` copies of `frames_count` frames, the same twelve in turn as for the monitor.
     fn copies_us(&mut self, count: usize, frames_count: usize) -> impl Iterator<Item = f64> {
         let Warm { recording, target } = self;
         let mut frames = recording.frames.iter().cycle();
@@ -184,12 +188,12 @@ fn turns(finger: &str) {
 fn measure(finger: &str, frames_count: usize) -> Value {
     let mut warm = Warm::new(finger);
     let (mut whole, mut copies, mut as_long) = (Vec::with_capacity(frames_count), Vec::new(), Vec::new());
-    // How many copies take as long as a step.
+    // Number of copies that take as long as a step.
     let mut first: Vec<f64> = warm.copies_us(60, 1).collect();
     let steps: Vec<f64> = warm.steps_us(300).collect();
     let copies_a_step = (turn_us(&steps) / quantile_us(&mut first, 0.5)).round().max(1.0) as usize;
-    // The copies go through the same frames as the monitor, in the same run; each in a stretch of its own, so that neither
-    // finds the cache as the other left it.
+    // The copies use the same frames as the monitor, in the same run, in separate stretches, so that neither depends on
+    // the cache state left by the other.
     while whole.len() < frames_count {
         let count = 500.min(frames_count - whole.len());
         whole.extend(warm.steps_us(count));
@@ -199,7 +203,7 @@ fn measure(finger: &str, frames_count: usize) -> Value {
     let mut recording = warm.recording;
     let steps = [Step::Imprint, Step::Contact, Step::Markers, Step::Motion, Step::Slip];
     let mut probe = StepTimes { since: Instant::now(), times_us: steps.map(|s| (s, Vec::new())).into() };
-    // What comes after the last of these steps: the estimates and the report.
+    // The remainder after the last of these steps: the estimates and the report.
     let mut estimates = Vec::new();
     for _ in 0..frames_count.min(2000) {
         probe.since = Instant::now();
@@ -210,7 +214,7 @@ fn measure(finger: &str, frames_count: usize) -> Value {
         .map(|(step, times)| (format!("{step:?}").to_lowercase(), json!(turn_us(times))))
         .collect();
     let dearest_us = dearest_us(&whole);
-    // From here on it is a camera of 30 Hz.
+    // From here on the camera runs at 30 Hz.
     recording.frame_ns = SLOW_FRAME_NS;
     let slow: Vec<f64> = (0..frames_count.min(900)).map(|_| timed_us(|| recording.judge(&mut ()))).collect();
     let (copy_us, median_us) = (quantile_us(&mut copies, 0.5), turn_us(&whole));
@@ -223,7 +227,7 @@ fn measure(finger: &str, frames_count: usize) -> Value {
     })
 }
 
-/// 1280x960 px with about so many markers.
+/// 1280x960 px with about this many markers.
 fn with_markers(finger: &str, count: f64) -> Recording {
     Recording::new(finger, SizePx::new(1280, 960), (1280.0 * 960.0 / count).sqrt(), 3)
 }
@@ -250,7 +254,7 @@ fn growth(finger: &str) -> Value {
     json!({ "pixels": pixels, "markers": markers })
 }
 
-/// What 16 more monitors take, on Linux, a sixteenth of it; each has judged a frame.
+/// Memory of 16 more monitors, on Linux, divided by sixteen; each has judged a frame.
 fn memory(finger: &str) -> Value {
     let resident_mib = || {
         let pages = std::fs::read_to_string("/proc/self/statm").ok()?;
@@ -268,8 +272,8 @@ fn memory(finger: &str) -> Value {
     json!({ "monitor_mib": resident_mib().zip(before).map(|(after, before)| (after - before) / 16.0) })
 }
 
-/// So many monitors, each with a frame every 1/90 s, shared among as many threads as there are cores; a frame judged after the
-/// next is due is late.
+/// A number of monitors, each with a frame every 1/90 s, distributed over as many threads as there are cores; a frame
+/// judged after the next one is due is late.
 fn fingers(finger: &str, seconds: f64) -> Value {
     let cores_count = std::thread::available_parallelism().map_or(1, usize::from);
     let period = Duration::from_nanos(FRAME_NS);
@@ -331,7 +335,7 @@ fn main() {
         ["growth", finger] => growth(finger),
         ["memory", finger] => memory(finger),
         ["fingers", finger, seconds] => fingers(finger, number(seconds)),
-        // Without arguments, as `cargo bench` calls it: a short look.
+        // Without arguments, as called by `cargo bench`: a short run.
         [] => json!(["smooth", "fabric", "rectified"].map(|finger| json!({ finger: measure(finger, 500) }))),
         _ => panic!("see the head of benches/speed.rs for its arguments"),
     };

@@ -1,6 +1,6 @@
-//! What each step of the method costs at 640x480 with some 400 markers in contact, and the whole.
+//! Time of each step of the method at 640x480 with some 400 markers in contact, and of the whole.
 //!
-//! Each step is timed where it runs, by a probe in the one pipeline there is.
+//! Each step is timed in place, by a probe in the single pipeline.
 #![allow(missing_docs, clippy::disallowed_types)] // a bench reads the clock
 
 #[path = "../tests/picture/mod.rs"]
@@ -32,7 +32,7 @@ impl Probe for Clock {
     }
 }
 
-/// A finger in contact, its middle moving: frames to judge over and over.
+/// A finger in contact whose middle moves: frames to judge repeatedly.
 fn recording(painter: &Painter) -> Vec<Vec<u8>> {
     let touch = Touch { centre: Vec2::new(320.0, 240.0), radii_px: Vec2::new(210.0, 180.0), strength_levels: 32.0 };
     (0..12)
@@ -62,7 +62,7 @@ fn bench(c: &mut Criterion) {
         let painter = Painter::new(SIZE, 26.5, 8.4, skin, 0.5, 9);
         let mut sensor = painter.sensor.clone();
         if rectified {
-            // A slight turn, so that every pixel is resampled.
+            // A slight rotation, so that every pixel is resampled.
             let homography = Homography([[1.0, 0.02, -5.0], [-0.02, 1.0, 6.0], [0.0, 0.0, 1.0]]);
             sensor.rectification = Some(Rectification { homography, crop_px: [0, 0, 640, 480], distortion: None });
         }

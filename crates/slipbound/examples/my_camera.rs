@@ -7,7 +7,7 @@ use slipbound::monitor::{Settings, SlipMonitor};
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
 use slipbound::sensor::{Flip, Polarity, Sensor, Skin};
 
-/// Stands for your camera's driver. It sees 6 px dots on a 20 px grid, and from frame 25 on they are dragged along.
+/// Replace it by your camera's driver. It sees 6 px dots on a 20 px grid; from frame 25 on they are dragged along.
 struct MyCamera {
     seq: u64,
 }
@@ -26,7 +26,7 @@ impl FrameSource for MyCamera {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // The facts of the finger; `slipbound calibrate` makes them from a photo, `slipbound_rig::sensors` reads them.
+    // The facts of the finger; `slipbound calibrate` finds them from a photo, `slipbound_rig::sensors` reads them.
     let sensor = Sensor {
         name: "mine".into(),
         description: "6 px dots at 20 px".into(),

@@ -3,7 +3,7 @@
 
 use slipbound::port::{GripCommand, Gripper, GripperError, GripperErrorKind, GripperState, Jaws};
 
-/// Stands for a gripper whose driver you already have. It takes 5 N to 80 N per finger.
+/// Replace it by your gripper's driver. It accepts 5 N to 80 N per finger.
 struct MyGripper {
     time_ns: u64,
     target_n: Option<f64>,
@@ -24,7 +24,7 @@ impl Gripper for MyGripper {
         Ok(())
     }
 
-    /// Return the newest state that you have heard of.
+    /// Return the newest state received.
     fn poll(&mut self) -> Result<GripperState, GripperError> {
         self.time_ns += 20_000_000; // your driver's time stamp, on the clock of the loop
         let (time_ns, target_n, jaws) = (self.time_ns, self.target_n, self.jaws);

@@ -1,10 +1,10 @@
 //! Runs the pixel kernels on requests from standard input, for `bench/parity/parity.py`.
 //!
-//! A request is a line `kernel width height numbers...` followed by the raw bytes of its picture (three bytes a pixel
-//! for `grey`, two pictures for `below_levels` and `flatten`, one else; a mask is a picture of 0 and 255). The answer
-//! is raw bytes: one picture of bytes or of little-endian f32; for `components` a count, then rows of seven numbers,
-//! all little-endian f64; for `rigid_fit`, whose points are its numbers, three f64; for `markers` a count, then for
-//! each marker that a monitor sees its place at rest and in the frame judged, four f64.
+//! A request is a line `kernel width height numbers...` followed by the raw bytes of its image (three bytes per pixel
+//! for `grey`, two images for `below_levels` and `flatten`, otherwise one; a mask is an image of 0 and 255). The answer
+//! is raw bytes: one image of bytes or of little-endian f32; for `components` a count, then rows of seven numbers, all
+//! little-endian f64; for `rigid_fit`, whose points are its numbers, three f64; for `markers` a count, then for each
+//! marker found by the monitor its place at rest and in the judged frame, four f64.
 
 use slipbound::image::{Frame, Gray, Mask, Pixels, Rgb, SizePx};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, fit_most, fit_rigid, fit_similarity};
@@ -152,7 +152,7 @@ fn answer(kernel: &str, size: SizePx, numbers: &[f64], picture: &[u8]) -> Result
     Ok(out)
 }
 
-/// Facts of a finger whose camera looks straight at a smooth gel with dark dots.
+/// Facts of a finger whose camera looks perpendicularly at a smooth gel with dark dots.
 fn straight(image_px: SizePx, pitch_px: f64, marker_diameter_px: f64) -> Sensor {
     Sensor {
         name: "straight".into(),
@@ -175,7 +175,7 @@ fn straight(image_px: SizePx, pitch_px: f64, marker_diameter_px: f64) -> Sensor 
     }
 }
 
-/// The markers of a picture taken for rest and judged as a frame.
+/// The markers of an image that is both rest frame and judged frame.
 fn markers(settings: &Settings, sensor: &Sensor, grey: Gray<'_>) -> Result<Vec<u8>, Box<dyn Error>> {
     let frame = Frame { pixels: Pixels::Gray(grey), seq: 0, time_ns: None };
     let mut builder = RestBuilder::new(sensor, settings, grey.size())?;

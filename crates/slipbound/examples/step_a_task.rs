@@ -1,5 +1,6 @@
-//! A task stepped by hand: what the fingers, the gripper and the wrist say goes in, what both shall do comes out. The loop around it
-//! is `slipbound::control`; this is for a loop of your own. `cargo run -p slipbound --example step_a_task`
+//! A task stepped by hand: reports of fingers, gripper and wrist go in, commands for gripper and wrist come out. The
+//! loop around it is `slipbound::control`; this is for a loop of your own.
+//! `cargo run -p slipbound --example step_a_task`
 #![allow(clippy::disallowed_macros)] // an example prints
 
 use slipbound::grip::GripLimits;
@@ -10,7 +11,7 @@ use slipbound::setting::SettingError;
 use slipbound::task::{ControllerKind, Observation, TaskKind, TaskSettings};
 
 fn main() -> Result<(), SettingError> {
-    // Settings are made from the defaults; what cannot be is refused when the task is made.
+    // Start from the default settings; invalid ones are rejected when the task is made.
     let limits = GripLimits::default().with_forces_n(8.0, 5.0, 30.0);
     let mut settings = TaskSettings::default().with_controller(ControllerKind::OnSlip).with_grip(limits);
     settings.lift.hold_ns = 1_000_000_000;
@@ -20,7 +21,8 @@ fn main() -> Result<(), SettingError> {
     let (mut force_n, mut lowered_mm) = (0.0, 0.0);
     for cycle in 0..120 {
         let now_ns = cycle * 33_333_333;
-        // Stands for `hand.see(0, &monitor.step(frame, grip))`: from 0.3 s on the finger feels something, at 2 s it begins to slip.
+        // Replaces `hand.see(0, &monitor.step(frame, grip))`: from 0.3 s on the finger is in contact, at 2 s slip
+        // begins.
         let mut seen = hand.report(now_ns);
         (seen.live_count, seen.health[0], seen.time_ns) = (1, Health::Live, Some(now_ns));
         (seen.state, seen.quality) = match cycle {
@@ -28,7 +30,7 @@ fn main() -> Result<(), SettingError> {
             60 => (SlipState::Incipient, 1.0),
             _ => (SlipState::Stick, 1.0),
         };
-        // Stands for a gripper and a wrist that do at once what they are told.
+        // Replaces a gripper and a wrist that execute commands at once.
         let jaws = if cycle < 10 { Jaws::Closing } else { Jaws::Holding };
         let (target_n, opening_mm) = (Some(force_n), Some(28.0));
         let force_n_told = Some(if cycle < 10 { 0.0 } else { force_n });

@@ -1,12 +1,12 @@
-//! Pictures of an unknown finger at rest -> the facts of its sensor file, without a click.
+//! Images of an unknown finger at rest -> the facts of its sensor file, without manual input.
 //!
 //! ```text
-//!   frames --> dots of any size, dark or bright --> which node of a grid each is --> homography, polynomial if it pays
+//!   frames --> dots of any size, dark or bright --> which node of a grid each is --> homography, polynomial if needed
 //!                                                                                      |
-//!   sensor  <-- grey weights <-- colours of dots and gaps <-- frames at rest averaged <-- rectified picture
+//!   sensor  <-- grey weights <-- colours of dots and gaps <-- frames at rest averaged <-- rectified image
 //! ```
-//! Nothing here runs per frame; memory is made as needed. What cannot be calibrated is refused with the reason:
-//! a wrong grid is worse than none.
+//! Nothing here runs per frame; memory is allocated as needed. A finger that cannot be calibrated is refused with the
+//! reason: a wrong grid is worse than none.
 
 mod acceptance;
 mod calibration;
@@ -38,12 +38,12 @@ use crate::sensor::Sensor;
 use fit::{median, rms};
 use grid::{Dot, Grid, OFF_GRID_PITCH};
 
-/// Frames looked at to find the finger at rest, at most.
+/// Most frames examined to find the finger at rest.
 pub const FRAMES_MOST: usize = 20;
-/// Mean level below which a picture is dark.
+/// Mean level below which an image is dark.
 const DARK_LEVELS: f64 = 12.0;
 
-/// The facts of the finger that these frames show at rest; of a recording the first [`FRAMES_MOST`] or fewer.
+/// The facts of the finger that these frames show at rest; of a recording, the first [`FRAMES_MOST`] frames or fewer.
 pub fn calibrate(frames: &[Frame<'_>], known: &KnownFacts) -> Result<Calibration, CalibrationError> {
     let Some(size) = frames.first().map(|f| f.pixels.size()) else {
         return Err(CalibrationError::NoPicture { frames_count: 0 });
@@ -53,16 +53,16 @@ pub fn calibrate(frames: &[Frame<'_>], known: &KnownFacts) -> Result<Calibration
     }
     let means: Vec<f64> = frames.iter().map(mean_levels).collect();
     let lit: Vec<f64> = means.iter().copied().filter(|m| *m >= DARK_LEVELS).collect();
-    // A camera that is still settling: the frame of usual brightness is taken.
+    // The camera may still be settling: the first frame of usual brightness is taken.
     let usual = median(&lit);
     let start = means.iter().position(|m| *m >= DARK_LEVELS && (m - usual).abs() <= 0.1 * usual);
     let Some(start) = start else {
         return Err(CalibrationError::NoPicture { frames_count: frames.len() });
     };
     let first = from_mean(&frames[start..=start], known);
-    // The finger, once roughly known, says which frames are at rest; if one frame was too poor, all are tried.
+    // The rough sensor from one frame shows which frames are at rest; if that frame was too poor, all are tried.
     let (from, to, untouched) = match &first {
-        // Its sharpness was measured on the very frame in doubt.
+        // Its sharpness was measured on the very frame to be judged.
         Ok(rough) if frames.len() > 1 => at_rest(frames, &Sensor { bare_sharpness: None, ..rough.sensor.clone() })
             .unwrap_or((start, start + 1, true)),
         Ok(_) => (start, start + 1, true),
@@ -77,7 +77,7 @@ pub fn calibrate(frames: &[Frame<'_>], known: &KnownFacts) -> Result<Calibration
     Ok(calibration)
 }
 
-/// The frames in which the finger is at rest, and whether nothing touches it in them.
+/// The frames in which the finger is at rest, and whether it is untouched in them.
 fn at_rest(frames: &[Frame<'_>], sensor: &Sensor) -> Option<(usize, usize, bool)> {
     let mut builder = RestBuilder::new(sensor, &Settings::default(), sensor.image_px).ok()?;
     let looks: Vec<_> = frames.iter().map(|f| builder.look(f)).collect();
@@ -92,7 +92,7 @@ fn mean_levels(frame: &Frame<'_>) -> f64 {
     f64::from(sum) / cells.means_levels().len().max(1) as f64
 }
 
-/// Equal weights: what is known of colour before the markers are.
+/// Equal weights, until the colours of the markers are known.
 const EVEN_WEIGHTS: [f64; 3] = [0.33, 0.34, 0.33];
 
 fn from_mean(frames: &[Frame<'_>], known: &KnownFacts) -> Result<Calibration, CalibrationError> {

@@ -1,5 +1,5 @@
-//! The control loop: frames in, commands out. Told the time, so that simulation, emulators, replay and hardware drive
-//! the same code.
+//! The control loop: frames in, commands out. It receives the time as an argument, so that simulation, emulators,
+//! replay and hardware drive the same code.
 //!
 //! ```text
 //!   finger 0: source -> rest -> monitor --.
@@ -8,9 +8,9 @@
 //! ```
 //!
 //! Guarantee: a fault of software or of a link never opens a hand. While gripper or wrist have a fault (a lost link, no
-//! answer, a refusal, a latched fast stop, a force that does not follow) the wrist is paused, the force stays where it
-//! is, and the loop keeps judging frames and waits, for up to ten seconds. On any other error the loop ends: the wrist
-//! is paused first, and the gripper keeps its force, or raises it to the blind force if that is set and higher.
+//! answer, a refusal, a latched fast stop, a force that does not follow) the wrist is paused, the force is kept, and
+//! the loop continues to judge frames and waits, for up to ten seconds. On any other error the loop ends: the wrist is
+//! paused first, and the gripper keeps its force, or raises it to the blind force if that is set and higher.
 //!
 //! The loop has no clock and no threads. Its driver calls [`ControlLoop::cycle`] when frames are due and
 //! [`Gripper::poll_io`] every few ms in between: `slipbound_rig::realtime` for hardware, `slipbound_lab::lockstep` for
@@ -39,7 +39,7 @@ use crate::setting::SettingError;
 use crate::task::{Observation, Phase, Task, TaskStep};
 use fault::{FaultLog, ForceShortfall};
 
-/// A pause, in whatever the wrist is doing.
+/// A pause of the wrist, whatever it is doing.
 const PAUSE: WristCommand = WristCommand::new(WristMotion::Pause);
 
 /// The control loop of one hand.
@@ -128,7 +128,7 @@ impl ControlLoop {
         while let Some(event) = gripper.next_event() {
             self.events.push(event);
         }
-        // Hand::new has refused no fingers, and more than FINGERS_MOST.
+        // Hand::new has rejected an empty list and more than FINGERS_MOST.
         let views: [FingerView<'_>; FINGERS_MOST] =
             std::array::from_fn(|i| self.fingers[i.min(self.fingers.len() - 1)].view());
         observer.after_cycle(&CycleView {
@@ -146,12 +146,12 @@ impl ControlLoop {
     /// Leaves the hand safely: the wrist pauses, then the force stays, or rises to the blind force if that is set. To
     /// be called when no further cycle will follow and the task has not ended.
     pub fn leave(&mut self, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) {
-        // A wrist that does not take this either runs out of its time to live.
+        // A wrist that rejects this stops when its time to live expires.
         let _ = wrist.command(PAUSE);
         let Some(TaskStep { grip: GripCommand::Hold { force_n }, phase, .. }) = self.last_step else { return };
         let holds = !matches!(phase, Phase::Releasing | Phase::Ended(_));
         if let Some(force_n) = self.task.grip().limits().blind_force_n.filter(|n| holds && *n > force_n) {
-            // A gripper that does not take this keeps what it has.
+            // A gripper that rejects this keeps its force.
             let _ = gripper.command(GripCommand::Hold { force_n });
         }
     }
@@ -163,7 +163,7 @@ impl ControlLoop {
         wrist: &mut dyn Wrist,
     ) -> Result<CycleOutcome, ControlError> {
         let state = gripper.poll().map_err(Fault::of_gripper).and_then(|state| self.usable(state));
-        // A wrist that cannot be asked stands where it was last; the grip goes on answering slip meanwhile.
+        // A wrist that cannot be polled is taken to stand at its last position; the grip still reacts to slip.
         let wrist_known = match (wrist.poll().map_err(Fault::of_wrist), self.wrist) {
             (Ok(state), _) => Ok((state, None)),
             (Err(fault), Some(last)) => Ok((WristState { moving: false, ..last }, Some(fault))),
@@ -171,7 +171,7 @@ impl ControlLoop {
         };
         self.wrist = wrist_known.as_ref().ok().map(|(state, _)| *state);
         let known = state.and_then(|state| wrist_known.map(|(wrist_state, fault)| (state, wrist_state, fault)));
-        // What the loop reckons with; what the gripper said is what is recorded.
+        // The loop uses the corrected state; the record contains the raw one.
         let sensed = known.as_ref().ok().map(|(state, ..)| match self.last_step {
             None => self.force.rest(state, !self.is_unloaded()),
             Some(_) => self.force.see(now_ns, state, true),
@@ -221,9 +221,10 @@ impl ControlLoop {
         }))
     }
 
-    /// Every finger's newest frame, judged and shown to the hand. False when a source has ended.
+    /// Judges every finger's newest frame and passes the reports to the hand. False when a source has ended.
     fn look(&mut self) -> Result<bool, ControlError> {
-        // First those of all, so that they are of one time: making a monitor of a rest frame takes many frames' time.
+        // All frames are acquired first, so that they are from the same time: making a monitor from a rest frame takes
+        // many frame periods.
         self.fingers.iter_mut().for_each(FingerPipeline::await_next);
         for finger in &mut self.fingers {
             if !finger.acquire()? {
@@ -231,7 +232,7 @@ impl ControlLoop {
             }
         }
         self.fingers.iter_mut().try_for_each(FingerPipeline::take_in)?;
-        // Until all know their rest frame none is judged: nothing is commanded yet.
+        // No finger is judged until all have a rest frame; nothing is commanded before.
         if self.fingers.iter().all(|finger| finger.monitor().is_some()) {
             self.runner.judge(&mut self.fingers, self.grip)?;
         }
@@ -249,7 +250,7 @@ impl ControlLoop {
         self.fingers.iter().all(|finger| finger.rest_kind() != Some(RestKind::InContact))
     }
 
-    /// A state that can be worked with.
+    /// The state if it can be used, else a fault.
     fn usable(&self, state: GripperState) -> Result<GripperState, Fault> {
         let is_over = self.last_step.is_some_and(|step| matches!(step.phase, Phase::Ended(_)));
         match state.jaws {
@@ -259,16 +260,16 @@ impl ControlLoop {
         }
     }
 
-    /// Commands wrist and gripper; what they could not do. While there is a fault the wrist stands.
+    /// Commands wrist and gripper; returns the fault if one fails. While there is a fault the wrist is paused.
     fn command(&mut self, step: &TaskStep, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) -> Option<Fault> {
-        // A wrist that is to stand stands before the grip changes.
+        // A wrist that has to stop is stopped before the grip changes.
         let motion = if self.faults.current().is_some() { PAUSE } else { step.wrist };
         let moved = wrist.command(motion).map_err(Fault::of_wrist);
         let gripped = gripper.command(step.grip).or_else(|e| self.tolerate(e)).map_err(Fault::of_gripper);
         gripped.and(moved).err()
     }
 
-    /// A gripper that must not be told a lower force holds on with the one it has: that is no fault.
+    /// A gripper that refuses to lower its force keeps the present one: that is no fault.
     fn tolerate(&mut self, error: GripperError) -> Result<(), GripperError> {
         if error.kind != GripperErrorKind::Lowering {
             return Err(error);
@@ -277,9 +278,9 @@ impl ControlLoop {
         Ok(())
     }
 
-    /// The wrist is paused; an error when the fault lasts too long.
+    /// Pauses the wrist; an error when the fault lasts too long.
     fn raise_fault(&mut self, now_ns: u64, fault: Fault, wrist: &mut dyn Wrist) -> Result<(), ControlError> {
-        let _ = wrist.command(PAUSE); // the wrist may be what has the fault: it then pauses by itself
+        let _ = wrist.command(PAUSE); // the fault may be the wrist's own: it then pauses by itself
         self.faults.raise(now_ns, fault).map_err(|(fault, waited_ns)| ControlError::Fault { fault, waited_ns })
     }
 }

@@ -12,8 +12,8 @@ use crate::hand::HandReport;
 use crate::monitor::{SlipKind, SlipReport, SlipState};
 use serde::Serialize;
 
-/// A slip is over after this time without a sign of it. It is less than a controller needs for a step and its pause,
-/// so that the next slip is one of its own.
+/// A slip is over after this time without a sign of it. It is less than a controller needs for a step and its pause, so
+/// that the next slip counts as a new one.
 const QUIET_NS: u64 = 200_000_000;
 
 /// The same where frames have no time: 0.2 s at 30 Hz.
@@ -114,7 +114,7 @@ impl SlipEpisodes {
     }
 }
 
-/// Whether a slip that was last seen then is over now.
+/// Whether a slip with this last sign is over by the time of `sign`.
 fn is_over(running: &Episode, sign: &Sign) -> bool {
     match (running.last.1, sign.time_ns) {
         (Some(last_ns), Some(now_ns)) => now_ns.saturating_sub(last_ns) >= QUIET_NS,

@@ -47,12 +47,12 @@ pub struct MonitorJob {
 impl MonitorJob {
     /// Judges the frame.
     pub fn run(&mut self) {
-        // A buffer that does not hold what its size says was refused before it was lent.
+        // A buffer that does not match its stated size was rejected before it was lent.
         self.report = self.frame.frame().ok().map(|frame| self.monitor.step(&frame, self.grip));
     }
 }
 
-/// What an observer sees of a finger in a cycle.
+/// A finger as an observer sees it in a cycle.
 #[derive(Debug, Clone, Copy)]
 pub struct FingerView<'a> {
     /// Name of the finger.
@@ -102,8 +102,8 @@ impl FingerPipeline {
         FingerPipeline { refuses_touch: true, ..self }
     }
 
-    /// The same finger with a known rest frame: already its first frame is judged. A frame of another size fails with
-    /// [`ControlError::Setting`], and so does a rest frame that is not this finger's.
+    /// The same finger with a known rest frame: its first frame is judged already. A frame of another size fails with
+    /// [`ControlError::Setting`], and so does the rest frame of another finger.
     #[must_use]
     pub fn with_rest(self, rest: Rest) -> Self {
         FingerPipeline { rest: Some(rest), ..self }
@@ -156,7 +156,7 @@ impl FingerPipeline {
         }
     }
 
-    /// Nothing has come yet in this cycle: where another finger's source fails, the last frame is not seen twice.
+    /// Discards the last frame, so that it is not shown twice when another finger's source fails.
     pub(crate) fn await_next(&mut self) {
         (self.next, self.report) = (Next::Silent, None);
     }
@@ -173,7 +173,7 @@ impl FingerPipeline {
         Ok(self.next != Next::End)
     }
 
-    /// Puts the frame to its use: for the rest frame, or to be judged.
+    /// Uses the frame for the rest frame, or keeps it to be judged.
     pub(crate) fn take_in(&mut self) -> Result<(), ControlError> {
         match (&self.next, &self.monitor) {
             (Next::Frame, None) => match self.rest.take() {
@@ -206,7 +206,7 @@ impl FingerPipeline {
         }
         let found = match self.rest_finder.take().map(RestFinder::find) {
             Some(Ok(found)) => found,
-            // Dark so far: the loop waits, nothing is held yet.
+            // Only dark frames so far: the loop waits, nothing is held yet.
             Some(Err(RestError::NoStationaryFrame { .. })) | None => return Ok(()),
             Some(Err(source)) => return Err(ControlError::Rest { finger: finger(), source }),
         };
@@ -216,7 +216,7 @@ impl FingerPipeline {
         self.judge_against(found.rest)
     }
 
-    /// Takes the rest frame that was given, once the first frame says how large frames are.
+    /// Takes the given rest frame, once the first frame has shown the frame size.
     fn start_from(&mut self, rest: Rest) -> Result<(), ControlError> {
         if rest.size() != self.frame.size {
             let (got, expected) = (rest.size().to_string(), format!("{} as the frames", self.frame.size));
@@ -251,8 +251,8 @@ impl FingerPipeline {
         }
     }
 
-    /// Hands out the frame acquired last and the monitor that is to judge it; None when there is nothing to judge. It
-    /// must come back by [`FingerPipeline::take_back`].
+    /// Lends out the frame acquired last and the monitor that is to judge it; None when there is nothing to judge. It
+    /// must be returned by [`FingerPipeline::take_back`].
     pub fn lend(&mut self, grip: Option<GripSample>) -> Option<MonitorJob> {
         if !self.awaits_judgement() {
             return None;

@@ -2,13 +2,13 @@
 //!
 //! ```text
 //!   HandReport ----> GripController ----> Guard ----> GripDecision { force_n, arm }
-//!   GripperState -->  constant            range, no letting go while blind
+//!   GripperState -->  constant            range; force never lowered while blind
 //!                     on_slip (the paper)
 //!                     margin  (ours)
 //! ```
 //!
 //! Newtons are normal force per finger. A controller never fails: for every input it returns a force in its range, and
-//! while the hand is blind the force does not fall.
+//! the force is not lowered while the hand is blind.
 //!
 //! ```
 //! use slipbound::grip::{ArmMotion, GripController, GripLimits, Law, OnSlipSettings};
@@ -54,7 +54,7 @@ use serde::{Deserialize, Serialize};
 pub enum Law {
     /// [`Constant`]: always the starting force.
     Constant,
-    /// [`OnSlip`], the paper's: a step of force at each incipient slip.
+    /// [`OnSlip`], the paper's: a force step at each incipient slip.
     OnSlip(OnSlipSettings),
     /// [`Margin`], ours: holds a slip margin.
     Margin(MarginSettings),

@@ -25,13 +25,13 @@ use serde::{Deserialize, Serialize};
 /// Most fingers a hand can have.
 pub const FINGERS_MOST: usize = 4;
 
-/// A picture that has not changed in any number for this many frames is a frozen one: noise never repeats itself.
+/// Number of frames with identical measurements after which a finger counts as frozen: noise never repeats itself.
 const FROZEN_FRAMES_COUNT: u32 = 3;
 
-/// Length below which directions in which the fingers slide cancel each other, of 1 where they agree.
+/// Length of the mean slide direction below which the fingers' directions cancel each other; 1 where they agree.
 const CANCELLED_LENGTH: f64 = 0.3;
 
-/// Fewest markers over the threshold that are half of a slip: one is a bad marker.
+/// Fewest markers over the threshold that count as half a slip: a single one may be bad.
 const HALF_MARKERS_COUNT: u32 = 2;
 
 /// The side of the object on which a finger is.
@@ -79,7 +79,7 @@ impl Mounting {
     }
 }
 
-/// A vector of the contact by the ways in which an object moves in the hand: along X, across (along Y), around X.
+/// A vector of the contact, by the ways an object moves in the hand: along X, across (along Y), around X.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct HandVector {
     /// Along the fingers.
@@ -110,22 +110,22 @@ pub enum Health {
     Absent,
     /// Its newest frame was judged.
     Live,
-    /// No frame came, or it could not be judged, or the newest one is older than 0.1 s or that much behind those of
+    /// No frame arrived, or it could not be judged, or the newest one is older than 0.1 s or that much behind those of
     /// another finger.
     Blind,
-    /// It repeats the same picture.
+    /// It repeats the same image.
     Frozen,
 }
 
 /// Slip of the object in the hand.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HandSlip {
-    /// Direction in which the object slides, of length 1; 0 throughout when it only pivots, where no finger knows any, and where the
-    /// fingers do not agree. Of a slip that the fingers of one side alone see, `across` and `around` are the same number.
+    /// Direction in which the object slides, of length 1; all 0 when it only pivots, when no finger knows a direction,
+    /// or when the fingers disagree. For a slip detected on one side only, `across` and `around` are the same number.
     pub direction: HandVector,
-    /// Whether it turns about the axis through both fingers, alone or besides.
+    /// Whether it turns about the axis through both fingers, alone or in addition.
     pub pivots: bool,
-    /// How many fingers see it.
+    /// Number of fingers that detect it.
     pub fingers_count: u32,
 }
 
@@ -142,8 +142,8 @@ pub struct HandReport {
     pub live_count: u32,
     /// Every finger, in the order they were given.
     pub health: [Health; FINGERS_MOST],
-    /// Whether around and across could be distinguished: a live finger on either side, and, where anything is touched,
-    /// one that touches it on either side.
+    /// Whether around and across could be distinguished: a live finger on either side, and, if any finger is in
+    /// contact, one in contact on either side.
     pub separated: bool,
     /// Mean shear of the gels since rest in mm, towards where the object drags them; None without contact or where
     /// the pitch in mm is unknown. Unless `separated`, `across` and `around` hold the same number.
@@ -243,14 +243,14 @@ impl Hand {
         Ok(Hand { fingers: mountings.iter().map(finger).collect(), now_ns: None })
     }
 
-    /// Takes the report of a finger. Indices of absent fingers are ignored, and so is a frame that was seen before: it
-    /// does not refresh the finger.
+    /// Takes the report of a finger. Indices of absent fingers are ignored, and so is a repeated frame: it does not
+    /// refresh the finger.
     pub fn see(&mut self, finger: usize, report: &SlipReport) {
         let Some(finger) = self.fingers.get_mut(finger) else { return };
         if finger.report.is_some_and(|last| (last.seq, last.time_ns) == (report.seq, report.time_ns)) {
             return;
         }
-        // A torn frame may have the time of another clock: the host's, where the camera's was in what is torn.
+        // A torn frame may carry the host's time where the camera's time was lost with the frame.
         finger.freshness.see(report.time_ns.filter(|_| report.state != SlipState::Unjudged));
         let repeats = finger.report.is_some_and(|last| last.seq != report.seq && same_picture(&last, report));
         finger.same_count = if repeats { finger.same_count + 1 } else { 0 };
@@ -318,12 +318,12 @@ impl Hand {
     }
 }
 
-/// Whether nothing measured differs. A finger that touches nothing measures nothing, and is not compared.
+/// Whether all measurements are identical. A finger without contact measures nothing and is not compared.
 fn same_picture(a: &SlipReport, b: &SlipReport) -> bool {
     a.shear.is_some() && a.shear == b.shear && a.contact == b.contact && a.markers == b.markers
 }
 
-/// Any finger that sees slip is believed; so are two that each see half of what it takes, where markers decide.
+/// Slip detected by any finger counts. So do two fingers with half the markers needed each, where markers decide.
 fn fused_state(reports: impl Iterator<Item = SlipReport> + Clone) -> SlipState {
     let any = |state| reports.clone().any(|r| r.state == state);
     let halves = reports.clone().filter(|r| {
@@ -342,12 +342,12 @@ fn fused_state(reports: impl Iterator<Item = SlipReport> + Clone) -> SlipState {
     }
 }
 
-/// The least value; None without any.
+/// The smallest value; None without any.
 fn least(estimates: impl Iterator<Item = Estimate>) -> Option<f64> {
     estimates.map(|estimate| estimate.value).reduce(f64::min)
 }
 
-/// Mean of what all have; None when there is nothing or one has none.
+/// Mean of all values; None when there are none or one is missing.
 fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0u32);
     for value in values {
@@ -357,7 +357,7 @@ fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     (count > 0).then(|| sum / f64::from(count))
 }
 
-/// Image vectors of several fingers as what the hand does. With fingers on both sides, each side counts once.
+/// Image vectors of several fingers, combined in the hand frame. With fingers on both sides, each side counts once.
 fn fused_vector(vectors: impl Iterator<Item = Option<(Mounting, Vec2)>>, separated: bool) -> Option<HandVector> {
     let mut sides = [(Vec2::ZERO, 0u32); 2];
     for vector in vectors {
@@ -384,12 +384,12 @@ fn fused_slip<'a>(live: impl Iterator<Item = (&'a Finger, SlipReport)> + Clone, 
     if fingers_count == 0 {
         return None;
     }
-    // A slip of unknown kind is none that pivots: it has no direction either, and no task allows it.
+    // A slip of unknown kind does not count as pivoting: it has no direction either, and no task allows it.
     let pivots = slipping.clone().any(|(_, r)| matches!(r.slip.kind, Some(SlipKind::Rotation | SlipKind::Both)));
     let unit = |angle_rad: f64| Vec2::new(libm::cos(angle_rad), libm::sin(angle_rad));
     let ways = slipping.filter_map(|(f, r)| Some(Some((f.mounting, unit(r.slip.direction_rad?)))));
     let sees_on = |side| ways.clone().flatten().any(|(mounting, _)| mounting.side == side);
-    // Fingers of one side that slip cannot tell around from across, though both sides are live: each is half of it.
+    // With slip on one side only, around and across cannot be separated, even if both sides are live: each gets half.
     let is_one_sided = !(sees_on(Side::Left) && sees_on(Side::Right));
     let mut direction = fused_vector(ways.clone(), separated).unwrap_or_default();
     if is_one_sided {
@@ -397,7 +397,7 @@ fn fused_slip<'a>(live: impl Iterator<Item = (&'a Finger, SlipReport)> + Clone, 
         direction = HandVector { across: half * direction.across, around: half * direction.around, ..direction };
     }
     let length = direction.length();
-    // Directions that cancel each other leave noise, which points nowhere.
+    // Directions that cancel each other leave only noise.
     let direction = if length >= CANCELLED_LENGTH { direction.scaled(1.0 / length) } else { HandVector::default() };
     Some(HandSlip { direction, pivots, fingers_count })
 }
@@ -421,7 +421,7 @@ pub struct Allowed {
     pub pivot: bool,
 }
 
-/// Sine of the angle, 30 deg, by which a slip may stray from an allowed direction.
+/// Sine of the angle, 30 deg, by which a slip may deviate from an allowed direction.
 const STRAY_SIN: f64 = 0.5;
 
 impl Allowed {
@@ -434,15 +434,15 @@ impl Allowed {
             across: part(d.across, self.across),
             around: part(d.around, self.around),
         };
-        // It slides, but which way is not known, or the fingers do not agree: that is none of what is allowed unless all of it is.
+        // It slides in an unknown direction, or the fingers disagree: not allowed unless all directions are.
         let is_unknown = d.length() == 0.0 && !slip.pivots && !(self.along && self.across && self.around);
         let slides = d.length() > 0.0 && outside.length() > STRAY_SIN;
         let pivots = slip.pivots && !self.pivot;
         slides || pivots || is_unknown
     }
 
-    /// The report as a controller should see it: slip in an allowed direction is removed, and so is a margin that an
-    /// allowed motion has used up.
+    /// The report as a controller should see it: without slip in an allowed direction, and without the margin that this
+    /// motion has used up.
     pub fn filter(&self, report: &HandReport) -> HandReport {
         match report.slip {
             Some(slip) if !self.forbids(&slip) => {

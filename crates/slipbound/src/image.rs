@@ -9,9 +9,9 @@ use std::ops::Range;
 pub enum ImageError {
     /// Width or height is zero.
     Empty,
-    /// The buffer is shorter than its size and stride say.
+    /// The buffer is shorter than its size and stride require.
     TooShort {
-        /// Bytes that the size and stride ask for.
+        /// Bytes that the size and stride require.
         expected_bytes: usize,
         /// Bytes there are.
         got_bytes: usize,
@@ -81,7 +81,7 @@ impl fmt::Display for SizePx {
     }
 }
 
-/// In which order the bytes of a colour pixel are.
+/// Byte order of a colour pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ByteOrder {
     /// Red, green, blue.
@@ -147,7 +147,7 @@ impl<'a, const CHANNELS: usize> Interleaved<'a, CHANNELS> {
         &self.bytes[y * self.stride..][..self.size.width * CHANNELS]
     }
 
-    /// The bytes from row `y` on, with whatever follows it in memory.
+    /// The bytes from row `y` to the end of the buffer.
     pub(crate) fn bytes_from(&self, y: usize) -> &'a [u8] {
         &self.bytes[y * self.stride..]
     }
@@ -188,7 +188,7 @@ impl Pixels<'_> {
 /// One camera frame, with the number and time its source gave it.
 #[derive(Debug, Clone, Copy)]
 pub struct Frame<'a> {
-    /// The picture as the camera delivers it, before any flip or rectification.
+    /// The image as the camera delivers it, before any flip or rectification.
     pub pixels: Pixels<'a>,
     /// The source's running number; a gap means frames that never arrived.
     pub seq: u64,
@@ -205,7 +205,7 @@ pub struct Mask {
     words: Vec<u64>,
 }
 
-/// The columns of a word whose number has a binary digit, and what the digit counts.
+/// The columns of a word whose index has a given binary digit set, and the value of that digit.
 const COLUMN_BITS: [(usize, u64); 6] = [
     (1, 0xaaaa_aaaa_aaaa_aaaa),
     (2, 0xcccc_cccc_cccc_cccc),
@@ -215,13 +215,13 @@ const COLUMN_BITS: [(usize, u64); 6] = [
     (32, 0xffff_ffff_0000_0000),
 ];
 
-/// Whether the bits that are set, of which there are some, are neighbours.
+/// Whether the set bits of a non-zero word are adjacent.
 fn is_run(word: u64) -> bool {
     let above = word.wrapping_add(word & word.wrapping_neg());
     above & word == 0
 }
 
-/// How many bits are set. Most words of a region are full or empty, and a CPU of the baseline has no instruction that counts.
+/// Number of set bits. Most words of a region are full or empty, and the baseline instruction set cannot count bits.
 fn ones_count(word: u64) -> usize {
     match word {
         0 => 0,
@@ -231,12 +231,12 @@ fn ones_count(word: u64) -> usize {
     }
 }
 
-/// The sum of the numbers of the bits that are set.
+/// Sum of the indices of the set bits.
 fn columns_sum(word: u64) -> usize {
     match word {
         u64::MAX => 64 * 63 / 2,
         0 => 0,
-        // A single run, as most words at a rim have.
+        // A single run, as in most words at a border.
         _ if is_run(word) => {
             let (first, count) = (word.trailing_zeros() as usize, ones_count(word));
             count * first + count * (count - 1) / 2
@@ -352,7 +352,8 @@ impl Mask {
         }
     }
 
-    /// Reads a picture of `.` (clear) and any other sign (set), one line a row: the form tests expect masks in.
+    /// Parses a text drawing of `.` (clear) and any other character (set), one line per row: the form in which tests
+    /// write masks.
     pub fn from_picture(picture: &str) -> Self {
         let rows: Vec<&str> = picture.lines().map(str::trim).filter(|l| !l.is_empty()).collect();
         let width = rows.first().map_or(0, |r| r.len());
@@ -367,7 +368,7 @@ impl Mask {
     }
 }
 
-/// The mask as a picture of `.` and `#`.
+/// The mask as a text drawing of `.` and `#`.
 impl fmt::Debug for Mask {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for y in 0..self.size.height {

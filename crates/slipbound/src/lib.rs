@@ -61,24 +61,24 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! # The map
+//! # Modules
 //!
 //! | module | what |
 //! |---|---|
 //! | [`monitor`] | the steps in order; settings, reports, the rest frame |
-//! | [`events`] | from verdicts to "slip begins", "slip ends" |
+//! | [`events`] | slip events, "begins" and "ends", from verdicts |
 //! | [`finger_pipeline`] | a finger of the loop: source, rest frame, monitor |
-//! | [`control`] | the control loop around a task, its record of a cycle, and the port of those who look on |
-//! | [`hand`] | the reports of several fingers as one, in the frame of the hand |
+//! | [`control`] | the control loop around a task, its record of a cycle, and the port of its observers |
+//! | [`hand`] | the reports of several fingers fused, in the frame of the hand |
 //! | [`grip`] | controllers: hand report in, grip command out; the paper's law and ours |
 //! | [`task`] | screw, unscrew, place, lift: state machines over commands, for simulation and hardware alike |
-//! | [`calibrate`] | the facts of an unknown finger from pictures of it at rest |
-//! | [`sensor`] | what is true of a finger: geometry, pitch, skin |
-//! | [`port`] | the traits through which the world is reached: frames, gripper, wrist |
-//! | [`plant`] | what is between the jaws, how jaws and a wrist move when commanded, what is true in a simulation |
-//! | [`setting`] | a setting that is refused |
+//! | [`calibrate`] | the facts of an unknown finger from images of it at rest |
+//! | [`sensor`] | the facts of a finger: geometry, pitch, skin |
+//! | [`port`] | the traits of cameras, grippers and wrists |
+//! | [`plant`] | the object between the jaws, the motion of jaws and wrist on command, the ground truth in simulation |
+//! | [`setting`] | the error for an invalid setting |
 //! | [`image`], [`plane`] | borrowed pixels, masks; points, rigid motions, homographies, the axes |
-//! | [`pixels`] | every loop over pixels, one kernel a file |
+//! | [`pixels`] | every loop over pixels, one kernel per file |
 //!
 //! The crate has no clock, no files and no sockets, and allocates nothing per frame: all memory is allocated when a
 //! [`monitor::SlipMonitor`] is made. The same frames and settings give the same bytes on any machine.

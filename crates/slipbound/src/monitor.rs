@@ -55,9 +55,9 @@ pub enum Step {
     Slip,
 }
 
-/// Observes each step of a frame: for timing, debug pictures and tests. Called after each step.
+/// Observes each step of a frame: for timing, debug images and tests. Called after each step.
 pub trait Probe {
-    /// `step` has just been done; the monitor's views show its result.
+    /// `step` is complete; the monitor's accessors return its result.
     fn after(&mut self, step: Step, monitor: &SlipMonitor);
 }
 
@@ -84,7 +84,7 @@ pub struct SlipMonitor {
     reference_seq: u64,
     rebase_from: Option<u64>,
     in_contact_count: u32,
-    /// Rule `margin`: whether slip is said, and how many frames in a row had a small margin.
+    /// Rule `margin`: whether the alarm is on, and the number of consecutive frames with a small margin.
     alarmed: bool,
     small_margin_frames_count: u32,
     gross: gross::GrossWatch,
@@ -93,8 +93,8 @@ pub struct SlipMonitor {
 }
 
 impl SlipMonitor {
-    /// A monitor for a finger whose rest frame is known. Fails when a setting or a fact of the sensor is invalid, and when the rest
-    /// frame is not this finger's.
+    /// A monitor for a finger whose rest frame is known. Fails when a setting or a fact of the sensor is invalid, or
+    /// when the rest frame is of another finger.
     pub fn new(sensor: &Sensor, settings: &Settings, rest: Rest) -> Result<Self, SettingError> {
         let sensor = sensor.at_size(rest.size)?;
         settings.check_for(&sensor)?;
@@ -131,13 +131,13 @@ impl SlipMonitor {
         })
     }
 
-    /// Estimates used fraction and stick ratio by other trees than the shipped ones, from the next frame on: those fitted without an object,
-    /// for an honest figure, or to another finger.
+    /// From the next frame on, estimates used fraction and stick ratio with `trees` instead of the shipped ones: for
+    /// example trees fitted without a held-out object, or to another finger.
     pub fn estimate_by(&mut self, trees: &EstimateTrees) {
         self.estimator.go_by(trees);
     }
 
-    /// Judges one frame. Never fails: what cannot be judged says so in the report.
+    /// Judges one frame. Never fails: if a frame cannot be judged, the report gives the reason.
     pub fn step(&mut self, frame: &Frame<'_>, grip: Option<GripSample>) -> SlipReport {
         self.step_probed(frame, grip, &mut ())
     }
@@ -189,7 +189,7 @@ impl SlipMonitor {
         let report = self.report(frame, grip);
         let by_markers = self.settings.slip.rule == SlipRule::Markers;
         match report.state {
-            // The reference is taken anew after slip; the next frame is judged against this one.
+            // After slip, this frame becomes the reference of the next one.
             SlipState::Incipient if by_markers => self.rebase_from = Some(frame.seq),
             SlipState::NoContact => {
                 if self.contact.untouched == contact::Untouched::Now {
@@ -224,7 +224,7 @@ impl SlipMonitor {
             recent: self.evidence.recent.as_ref(),
             loaded: self.estimator.features.as_ref().map(|features| (features, loaded)),
             at_s,
-            // A weave shows little of an imprint: the scale of the score is that of a smooth gel.
+            // The scale of the score is that of a smooth gel: a weave shows little of an imprint.
             held_from_start: self.evidence.starts_in_contact() && self.sensor.skin == Skin::Smooth,
         };
         let knows_grip = self.estimator.knows_grip();
@@ -233,7 +233,7 @@ impl SlipMonitor {
         self.slides = self.settings.evidence.used && self.gross.slides();
         if self.settings.slip.rule == SlipRule::Margin {
             if self.estimator.has_reference() && !had_reference && !by_displacement {
-                // The slip field counts from the squeezed finger, too.
+                // The slip field, too, is relative to the squeezed finger.
                 self.rebase_from = Some(frame.seq);
             }
             self.watch_margin();
@@ -245,14 +245,14 @@ impl SlipMonitor {
         }
     }
 
-    /// The rule `margin`. A margin that is not known ends no alarm.
+    /// The rule `margin`. An unknown margin does not end an alarm.
     fn watch_margin(&mut self) {
         let Some(margin) = self.estimator.estimates.margin else { return };
         let settings = &self.settings.slip;
         let small =
             margin.value <= if self.alarmed { settings.clear_margin_fraction } else { settings.alarm_margin_fraction };
         self.small_margin_frames_count = if small { self.small_margin_frames_count + 1 } else { 0 };
-        // The picture alone is a weaker witness: two frames must agree.
+        // The margin from images alone is less reliable: two frames must agree.
         let needed = if self.estimator.knows_grip() { 1 } else { 2 };
         self.alarmed = small && (self.alarmed || self.small_margin_frames_count >= needed);
     }
@@ -273,7 +273,7 @@ impl SlipMonitor {
         self.unjudged(seq, time_ns, None, Reason::Torn)
     }
 
-    /// Every marker of the rest frame as last seen, in the order of their numbers.
+    /// Every marker of the rest frame after the last frame, in order of `id`.
     pub fn markers(&self) -> &[Marker] {
         &self.markers.all
     }
@@ -283,8 +283,8 @@ impl SlipMonitor {
         &self.contact.region
     }
 
-    /// What erodes the contact region to the inner one of the last frame; None without contact. The steps evaluate the
-    /// inner region only at the markers; [`SlipMonitor::inner_region`] makes a mask of it.
+    /// The element that eroded the contact region of the last frame to the inner one; None without contact. The steps
+    /// evaluate the inner region only at the markers; [`SlipMonitor::inner_region`] returns it as a mask.
     pub fn inner_erosion(&self) -> Option<&Element> {
         self.motion.inner_erosion()
     }
@@ -298,12 +298,12 @@ impl SlipMonitor {
         inner
     }
 
-    /// The grey rectified picture of the last frame.
+    /// The grey rectified image of the last frame.
     pub fn imprint(&self) -> Gray<'_> {
         Gray::new(&self.imprint.grey, self.imprint.size()).expect("the picture has its own size")
     }
 
-    /// Why no frame can be judged; None when frames can. See [`RestSettings::check_spacing`].
+    /// Why no frame can be judged; None when frames can be judged. See [`RestSettings::check_spacing`].
     pub fn refusal(&self) -> Option<Reason> {
         self.refusal
     }
@@ -328,7 +328,7 @@ impl SlipMonitor {
         &self.settings
     }
 
-    /// Nothing touches: displacement counts from rest again.
+    /// No contact: displacement is relative to rest again.
     fn return_to_rest(&mut self) {
         self.reference_seq = self.rest_seq;
         for m in &mut self.markers.all {
@@ -355,13 +355,14 @@ impl SlipMonitor {
             SlipRule::Margin => self.alarmed,
             SlipRule::Markers => self.slip.slips,
         };
-        // Load over grip needs no contact region: a patch too small or weak for the rest of the method hides no slip.
+        // Load over grip needs no contact region: slip is reported even if the patch is too small or weak for other
+        // steps.
         let sure = slips && self.estimator.knows_grip() && self.settings.slip.rule == SlipRule::Margin;
         let (state, reason) = match () {
             _ if self.refusal.is_some() => (SlipState::Unjudged, self.refusal),
             _ if self.markers.half_lost() => (SlipState::Unjudged, Some(Reason::MarkersLost)),
             _ if !self.contact.touches => (SlipState::NoContact, None),
-            // A slide of the whole contact is said whatever the quality of the contact.
+            // Gross slip is reported whatever the contact quality.
             _ if self.slides => (SlipState::Gross, None),
             // Deviation: D11 unsure
             _ if unsure && !sure => (SlipState::Unsure, Some(Reason::ContactQuality)),
@@ -392,7 +393,7 @@ impl SlipMonitor {
         }
     }
 
-    /// How far the gel is sheared since rest.
+    /// Shear of the gel since rest.
     fn shear(&self) -> Option<ShearReport> {
         let seen = self.markers.all.iter().filter(|m| m.in_contact && m.whole && m.matched);
         let motion = fit_rigid(seen.map(|m| (m.rest, m.now))).filter(|_| self.contact.touches)?;

@@ -1,5 +1,5 @@
-//! Every loop over pixels of the project, one kernel a file. Plain functions on borrowed buffers; nothing allocates
-//! after the scratch of a kernel has been made.
+//! Every loop over pixels of the project, one kernel per file. Plain functions on borrowed buffers; nothing allocates
+//! after the scratch memory of a kernel has been made.
 
 pub mod background;
 pub mod bgr;

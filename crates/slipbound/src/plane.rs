@@ -19,8 +19,8 @@ pub struct Vec2 {
     pub y: f64,
 }
 
-/// The whole pixel nearest to a coordinate, of two the one farther from zero, as `round` has it; that is a call of a function on CPUs for
-/// which the baseline is compiled. NaN is 0.
+/// The whole pixel nearest to a coordinate; ties are rounded away from zero, like `round`, which is a function call on
+/// CPUs that the baseline is compiled for. NaN is 0.
 #[inline]
 pub fn nearest_px(at_px: f64) -> isize {
     (at_px + 0.5f64.copysign(at_px)) as isize
@@ -315,7 +315,7 @@ mod tests {
             (-300.0..300.0f64, -300.0..300.0f64).prop_map(|(x, y)| Vec2::new(x, y))
         }
 
-        /// Of pictures: what a camera that looks askance makes of them, nowhere near its horizon.
+        /// Maps between images: those of an oblique camera, far from its horizon.
         fn homography() -> impl Strategy<Value = Homography> {
             let matrix =
                 (0.5..2.0f64, -0.3..0.3f64, vector(), -0.3..0.3f64, 0.5..2.0f64, (-4e-4..4e-4f64, -4e-4..4e-4f64));
@@ -327,7 +327,8 @@ mod tests {
 
             #[test]
             fn products_are_those_of_the_plane(a in vector(), b in vector(), turn in -3.0..3.0f64) {
-                // The squares of both together are that of the lengths, and a turn of both changes neither.
+                // The sum of the squares equals the product of the squared lengths, and a common rotation changes
+                // neither product.
                 let size = 1.0 + a.length_squared() * b.length_squared();
                 let sum = a.dot(b) * a.dot(b) + a.cross(b) * a.cross(b);
                 prop_assert!((sum - a.length_squared() * b.length_squared()).abs() < 1e-9 * size);
@@ -349,7 +350,7 @@ mod tests {
                 close(motion.apply(reference), reference + translation);
                 close(motion.apply(p) - motion.apply(q), (p - q).rotated(rotation_rad));
                 close(motion.tabulated().apply(p), motion.apply(p));
-                // A point a hair beside the reference goes as equation 1 says.
+                // At a very small angle the motion follows equation 1.
                 let (exact, small) = (motion.displacement(p), RigidMotion { rotation_rad: 1e-7, ..motion }.displacement_small_angle(p));
                 close(RigidMotion { rotation_rad: 1e-7, ..motion }.displacement(p), small);
                 prop_assert!(exact.is_finite());
@@ -376,7 +377,7 @@ mod tests {
         let line = Homography([[1.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 1.0]]);
         assert_eq!(line.inverse(), None);
         assert_eq!(Homography([[f64::NAN, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]).inverse(), None);
-        // Mirrored maps have one, too.
+        // Mirrored maps have an inverse, too.
         let mirror = Homography([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
         assert_eq!(mirror.inverse(), Some(mirror));
     }

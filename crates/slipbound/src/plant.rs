@@ -1,6 +1,6 @@
-//! The plant: the object between the jaws and its response to being pressed, turned and lowered; how jaws and wrist
-//! move when they are commanded; and the ground truth of a cycle. Pure state that is told the time. The simulator and
-//! every emulator use these models, so that closed loops behave the same with either.
+//! The plant: the object between the jaws and its response to being pressed, turned and lowered; the motion of jaws and
+//! wrist on command; and the ground truth of a cycle. Pure state; the time is an argument. The simulator and every
+//! emulator use these models, so that closed loops behave the same with either.
 
 mod jaws;
 mod truth;

@@ -15,7 +15,7 @@ pub use wrist::{
 use crate::image::{Frame, Gray, ImageError, Pixels, Rgb, SizePx};
 use serde::{Deserialize, Serialize};
 
-/// Whose clock the time of a frame is from.
+/// The clock that the time of a frame is from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Clock {

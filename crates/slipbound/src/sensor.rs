@@ -53,7 +53,7 @@ impl Flip {
     }
 }
 
-/// As it stands in a sensor file.
+/// As written in a sensor file.
 impl fmt::Display for Flip {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -65,7 +65,7 @@ impl fmt::Display for Flip {
     }
 }
 
-/// What covers the gel, and so how contact shows.
+/// What covers the gel, which decides how contact becomes visible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Skin {
@@ -101,7 +101,7 @@ pub struct Sensor {
     pub serial: Option<String>,
     /// Size of the camera image at which the px values hold.
     pub image_px: SizePx,
-    /// The mirror image that the camera delivers.
+    /// How the camera mirrors its image.
     pub flip: Flip,
     /// Weights of red, green and blue in the grey image; their sum is at most 1.
     pub grey_weights_rgb: [f64; 3],
@@ -112,9 +112,9 @@ pub struct Sensor {
     /// The same distance on the gel in mm; None where it was not measured; then no millimetre is reported.
     #[serde(default)]
     pub pitch_mm: Option<f64>,
-    /// Length of the whole gel along x and along y in mm, where the camera sees less of it: a contact that the view cuts goes on to
-    /// where the gel ends. The view is taken to be in its middle. None where it is not stated: what is out of view then counts as
-    /// free gel.
+    /// Length of the whole gel along x and along y in mm, if the camera sees less of it: a contact cut by the view then
+    /// extends to the end of the gel. The view is assumed to be in the middle of the gel. None if not stated: gel out
+    /// of view then counts as free.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gel_mm: Option<[f64; 2]>,
     /// Diameter of a marker in the rectified image.
@@ -132,8 +132,8 @@ pub struct Sensor {
     /// Rectification; None when the camera looks straight at the gel.
     #[serde(default)]
     pub rectification: Option<Rectification>,
-    /// Damaged parts of the skin: left, top, right, bottom (exclusive) in the rectified image. No edge there is a
-    /// contact's and no dot there is a marker.
+    /// Damaged parts of the skin: left, top, right, bottom (exclusive) in the rectified image. Edges there do not count
+    /// as contact, and dots there are not markers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub defects_px: Vec<[usize; 4]>,
     /// How stiff the skin is against shear; None where it was not measured; then no tangential force is reported.
@@ -218,15 +218,15 @@ impl Sensor {
         Ok(())
     }
 
-    /// The same finger seen by a camera set to another resolution: lengths go in proportion, edge thresholds rise with the root of the
-    /// scale where the picture is smaller. The shape of the image must be the same (to 1 px in the height of the smaller of the two), else
-    /// the error says what was expected.
+    /// The same finger at another camera resolution: lengths scale in proportion; in a smaller image, edge thresholds
+    /// rise with the square root of the scale. The shape of the image must be the same (to 1 px in the height of the
+    /// smaller of the two); else the error states what was expected.
     pub fn at_size(&self, size: SizePx) -> Result<Sensor, SettingError> {
         if size == self.image_px {
             return Ok(self.clone());
         }
         let scale = size.width as f64 / self.image_px.width as f64;
-        // 427x320 is 4 to 3, rounded to whole pixels: what that makes grows with the scale.
+        // 427x320 is 4 to 3, rounded to whole pixels: the rounding error grows with the scale.
         if (self.image_px.height as f64 * scale - size.height as f64).abs() > scale.max(1.0) {
             return Err(SettingError {
                 key: "image_px".into(),
@@ -234,8 +234,9 @@ impl Sensor {
                 expected: format!("{} or the same shape at another scale", self.image_px),
             });
         }
-        // In a smaller picture edges are steeper, and a weave of three to ten px a thread is resolved less: its gradients grow by the
-        // root of the scale, and bare weave would look pressed. In a larger one the thresholds stay: lower ones would let in noise.
+        // In a smaller image edges are steeper, and a weave of three to ten px per thread is less resolved: its
+        // gradients grow with the square root of the scale, and bare weave would look pressed. In a larger image the
+        // thresholds stay: lower ones would admit noise.
         let levels = |levels: u16| (f64::from(levels) / scale.min(1.0).sqrt()).round() as u16;
         let edge_bands = self.edge_bands.iter().map(|band| EdgeBand {
             low_levels: levels(band.low_levels),
@@ -250,7 +251,7 @@ impl Sensor {
             rectification: self.rectification.map(|r| r.scaled(scale)),
             ..self.clone()
         };
-        // Outwards to whole pixels: a thin one is never lost.
+        // Rounded outwards to whole pixels: a thin defect is never lost.
         let whole = scaled.rectified_px();
         let down = |value: usize| (value as f64 * scale).floor() as usize;
         let up = |value: usize, most: usize| ((value as f64 * scale).ceil() as usize).min(most);
@@ -277,7 +278,7 @@ impl Sensor {
     }
 
     /// Where a point of the upright camera image lies in the rectified image, also beyond its border. None where the
-    /// distortion leaves no such place.
+    /// distortion has no such point.
     pub fn rectified_from_upright(&self, p: Vec2) -> Option<Vec2> {
         match &self.rectification {
             None => Some(p),
@@ -294,8 +295,8 @@ impl Sensor {
         Vec2::new(x, y)
     }
 
-    /// The tangential force behind a sum of marker displacements in rectified px, in newtons; None for a finger
-    /// whose shear stiffness was not measured.
+    /// The tangential force of a sum of marker displacements in rectified px, in newtons; None for a finger whose shear
+    /// stiffness was not measured.
     pub fn shear_force_n(&self, displacement_sum_px: Vec2) -> Option<Vec2> {
         self.shear.as_ref().map(|s| displacement_sum_px * (s.stiffness_n_per_pitch / self.pitch_px))
     }

@@ -30,13 +30,13 @@ impl SettingError {
     }
 }
 
-/// The name that a word was probably meant to be: the one with the fewest edits, at most half the length of the word.
+/// The name that was probably meant: the one with the fewest edits, at most half the length of the word.
 pub fn nearest<'a>(word: &str, names: &[&'a str]) -> Option<&'a str> {
     let best = names.iter().min_by_key(|name| edits(word, name))?;
     (2 * edits(word, best) <= word.chars().count()).then_some(*best)
 }
 
-/// Insertions, deletions and replacements that turn one word into the other.
+/// Number of insertions, deletions and replacements that turn one word into the other.
 fn edits(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();
@@ -51,7 +51,7 @@ fn edits(a: &str, b: &str) -> usize {
     row[b.len()]
 }
 
-/// Refuses a number outside `low..=high`, or NaN.
+/// Rejects a number outside `low..=high`, or NaN.
 pub(crate) fn within(key: &str, value: f64, low: f64, high: f64) -> Result<(), SettingError> {
     if (low..=high).contains(&value) {
         return Ok(());

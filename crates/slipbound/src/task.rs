@@ -1,5 +1,5 @@
-//! The tasks of the paper and one more: state machines from the report of the hand to commands for gripper and wrist.
-//! The same for simulation and hardware.
+//! The tasks of the paper and one more: state machines from the hand report to commands for gripper and wrist. The same
+//! code runs in simulation and on hardware.
 //!
 //! ```text
 //!   Observation { hand, gripper, wrist } --> Task --> TaskStep { grip, wrist, phase }

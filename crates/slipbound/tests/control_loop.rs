@@ -1,4 +1,4 @@
-//! The control loop driven with a camera, a gripper, a wrist and an observer of a user's own: nothing of simulator or rig.
+//! The control loop driven with user-defined camera, gripper, wrist and observer, without simulator and rig.
 
 mod picture;
 
@@ -25,11 +25,11 @@ const SIZE: SizePx = SizePx::new(640, 480);
 const PITCH_PX: f64 = 24.0;
 const MIDDLE: Vec2 = Vec2::new(320.0, 240.0);
 
-/// What the finger feels in a frame.
+/// Contact state of the finger in a frame.
 #[derive(Clone, Copy)]
 enum Scene {
     Open,
-    /// Held; the rim of the contact lags behind the object by so many px.
+    /// Held; the rim of the contact lags behind the object by this many px.
     Held(f64),
     Torn,
     Silent,
@@ -56,7 +56,7 @@ impl FrameSource for Camera {
             Scene::Torn => return Ok(Next::Torn { reason: "cut off".into() }),
             Scene::Unplugged => return Err(SourceError::new(SourceErrorKind::Disconnected, "my camera: unplugged")),
         };
-        // The object moves along x; what it touches goes with it, but the rim lags.
+        // The object moves along x and drags the gel in contact, but the rim lags.
         let lags = |p: Vec2| touch.is_some_and(|touch| touch.depth(p) > 0.72);
         let moved_px = |p: Vec2| 1.2 * lag_px - if lags(p) { lag_px } else { 0.0 };
         let dots: Vec<Vec2> = self.painter.rest.iter().map(|&p| p + Vec2::new(moved_px(p), 0.0)).collect();
@@ -67,13 +67,13 @@ impl FrameSource for Camera {
     }
 }
 
-/// A gripper that does at once what it is told, and fails when it is told to.
+/// A gripper that executes commands at once, and fails on request.
 #[derive(Default)]
 struct MyGripper {
     command: Option<GripCommand>,
     is_lost: bool,
     refuses_lowering: bool,
-    /// What it presses with at the most, N; None for whatever it is told.
+    /// Maximum force that it exerts, N; None: any commanded force.
     most_n: Option<f64>,
     commands: Vec<GripCommand>,
     events: Vec<DriverEvent>,
@@ -112,7 +112,7 @@ impl Gripper for MyGripper {
     }
 }
 
-/// What it was told, and whether it is lost.
+/// The commands received, and whether the link is lost.
 #[derive(Default)]
 struct MyWrist(Vec<WristMotion>, bool);
 
@@ -130,7 +130,7 @@ impl Wrist for MyWrist {
     }
 }
 
-/// Writes down what it is shown, a word a cycle.
+/// Records what it is shown, one word per cycle.
 #[derive(Default)]
 struct Diary {
     words: Vec<&'static str>,
@@ -171,7 +171,7 @@ fn control_with(skin: Skin, scenes: impl IntoIterator<Item = Scene>, task: &Task
     let sensor = painter.sensor.clone();
     let camera = Camera { painter, scenes: scenes.into_iter().collect(), seq: 0 };
     let mounting = Mounting::on(Side::Left);
-    // Markers decide: a painted rim follows no physics of a contact.
+    // Markers decide, because a painted rim follows no contact physics.
     let settings = Settings::default().with(|s| s.slip.rule = SlipRule::Markers);
     let finger = FingerPipeline::new("left", mounting, sensor, settings, Box::new(camera));
     ControlLoop::new(vec![finger], task.task(TaskKind::Lift, None).expect("valid")).expect("a hand")
@@ -187,7 +187,7 @@ fn scenes(parts: &[(usize, Scene)]) -> Vec<Scene> {
     parts.iter().flat_map(|&(count, scene)| std::iter::repeat_n(scene, count)).collect()
 }
 
-/// Runs to the end of the source, or to the error.
+/// Runs until the source ends, or until an error.
 fn run(
     control: &mut ControlLoop,
     gripper: &mut MyGripper,
@@ -251,8 +251,8 @@ fn an_unplugged_camera_ends_the_loop_with_the_wrist_paused_and_the_force_kept() 
     assert_eq!(gripper.command, Some(GripCommand::Hold { force_n: 10.0 }));
 }
 
-/// Making a monitor takes the time of many frames, in which those of the other finger would grow newer: the clocks of two
-/// cameras seemed to differ by it.
+/// Making a monitor takes many frame periods. A frame of the other finger acquired after it would be newer, which would
+/// look like an offset between the cameras' clocks.
 #[test]
 fn the_first_frames_of_all_fingers_are_taken_before_the_monitor_of_one_is_made() {
     struct Counted(Camera, Arc<AtomicUsize>);
@@ -273,7 +273,7 @@ fn the_first_frames_of_all_fingers_are_taken_before_the_monitor_of_one_is_made()
         let camera = Counted(Camera { painter, scenes: scenes(&[(9, Scene::Open)]).into(), seq: 0 }, given.clone());
         FingerPipeline::new(name, Mounting::on(side), sensor, Settings::default(), Box::new(camera)).with_rest(rest)
     };
-    // A rest frame of another size ends the loop where the monitor of the left finger would be made.
+    // A rest frame of another size ends the loop when the monitor of the left finger would be made.
     let hand = [(Side::Left, "left", SizePx::new(320, 240), 16.0), (Side::Right, "right", SIZE, PITCH_PX)];
     let fingers = hand.into_iter().zip(&given).map(|(of, given)| finger(of, given)).collect();
     let mut control = ControlLoop::new(fingers, hold().task(TaskKind::Lift, None).expect("valid")).expect("a hand");

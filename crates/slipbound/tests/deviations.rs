@@ -1,4 +1,4 @@
-//! Where we leave the paper or its released code, and why: each test is named in docs/deviations.md.
+//! Differences from the paper or its released code, and their reasons: each test is named in docs/deviations.md.
 
 mod picture;
 
@@ -10,7 +10,7 @@ use slipbound::monitor::{
 use slipbound::plane::{RigidMotion, Vec2};
 use slipbound::sensor::Skin;
 
-/// Steps 3 and 4 judge: the painted fields follow no physics of a contact.
+/// Steps 3 and 4 decide, because the painted fields follow no contact physics.
 fn markers_decide() -> Settings {
     Settings::default().with(|s| s.slip.rule = SlipRule::Markers)
 }
@@ -54,14 +54,14 @@ impl Play {
         self.monitor.step(&frame(&rgb, self.painter.sensor.image_px, self.seq), None)
     }
 
-    /// Touches until contact is taken up.
+    /// Touches until contact is detected.
     fn press(&mut self) -> SlipReport {
         (0..6).map(|_| self.show(true, Some)).last().expect("frames")
     }
 }
 
-/// The first alarm while the contact is dragged along `way` and its rim, everything beyond `stick` of its depth,
-/// stays behind.
+/// The first alarm while the contact is dragged along `way` and its rim, everything beyond `stick` of its depth, stays
+/// behind.
 fn drag(play: &mut Play, way: Vec2, stick: f64) -> Option<SlipReport> {
     let (touch, pitch_px) = (play.touch(), play.pitch_px());
     play.press();
@@ -122,17 +122,17 @@ fn a_large_rigid_rotation_is_slip_by_equation_1_but_not_exactly() {
     assert_eq!(slips, [true, false]);
 }
 
-/// Fault 6: greedy matching loses whoever moves faster than half a pitch a frame less a little, and for good.
+/// Fault 6: greedy matching permanently loses markers that move faster than slightly less than half a pitch per frame.
 #[test]
 fn fast_markers_keep_their_numbers_and_lost_ones_return() {
     let mut play = Play::new(1, Skin::Smooth, &markers_decide());
     play.press();
-    // Speeding up to 0.6 pitch a frame, far beyond the half pitch at which the nearest spot is the wrong one.
+    // Accelerates to 0.6 pitch per frame, far beyond the half pitch at which the nearest spot is the wrong one.
     let places: Vec<f64> = [0.0, 0.2, 0.6, 1.2, 1.8, 2.2, 2.4].to_vec();
     let hidden = |p: Vec2| (p - Vec2::new(160.0, 120.0)).length() < 30.0;
     for (i, &place) in places.iter().enumerate() {
         let shift = Vec2::new(play.pitch_px() * place, 0.0);
-        // From frame 2 on for three frames, the dots in the middle are not to be seen.
+        // For three frames from frame 2 on the dots in the middle are hidden.
         let gone = (2..5).contains(&i);
         play.show(true, |p| (!(gone && hidden(p))).then_some(p + shift));
         for m in play.monitor.markers().iter().filter(|m| m.rest.x + shift.x < 300.0) {
@@ -157,7 +157,7 @@ fn twice_the_pixels_change_no_verdict() {
     }
 }
 
-/// Fault 10: a frame without contact, taken as its own reference, shows contact. A scratch that is there at rest is
+/// Fault 10: a frame without contact, taken as its own reference, shows contact. A scratch that is present at rest is
 /// not contact later either.
 #[test]
 fn a_finger_at_rest_touches_nothing_even_with_a_scratch() {
@@ -179,8 +179,8 @@ fn a_finger_at_rest_touches_nothing_even_with_a_scratch() {
     assert_ne!(states[1], Some(SlipState::NoContact), "the scratch is strong enough to matter");
 }
 
-/// Ours: when slip has come in from the rim further than the erosion reaches, the markers that still stick outvote
-/// those that lag; least squares over all inner markers averages them and sees the rim slip later or never.
+/// Ours: when slip has spread from the rim further than the erosion reaches, the markers that still stick outvote those
+/// that lag; least squares over all inner markers averages them and detects the slip of the rim later or never.
 #[test]
 fn deep_slip_is_seen_by_the_robust_fit_first() {
     use slipbound::monitor::Fit;
@@ -192,7 +192,7 @@ fn deep_slip_is_seen_by_the_robust_fit_first() {
     assert!(robust < plain, "robust at frame {robust}, least squares at {plain}");
 }
 
-/// The reference is taken anew after a slip; rest stays.
+/// The reference is renewed after a slip; the rest frame is kept.
 #[test]
 fn after_a_slip_the_reference_is_new_and_rest_is_old() {
     let mut play = Play::new(1, Skin::Smooth, &markers_decide());
@@ -209,8 +209,8 @@ fn after_a_slip_the_reference_is_new_and_rest_is_old() {
     assert_eq!((released.state, released.reference_seq), (SlipState::NoContact, 3), "back to rest");
 }
 
-/// The paper's proposal: size and strength of the contact say whether to trust the verdict. A touch that covers a
-/// handful of markers is not called stick or slip.
+/// The paper's proposal: size and strength of the contact indicate whether the verdict is reliable. A touch that covers
+/// only a few markers is classified neither as stick nor as slip.
 #[test]
 fn a_small_touch_is_unsure() {
     let mut play = Play::new(1, Skin::Smooth, &markers_decide());

@@ -1,7 +1,7 @@
-//! Signs of slip, drawn in a row, and the slips that are made of them.
+//! Signs of slip, drawn in a row, and the slip episodes derived from them.
 //!
 //! ```text
-//!   .  a frame without slip     x  one that shows it     o  nothing is touched
+//!   .  a frame without slip     x  one with slip     o  no contact
 //! ```
 
 mod made_up;
@@ -13,7 +13,7 @@ use slipbound::monitor::{ContactReport, Estimates, MarkerCounts, SlipKind, SlipR
 /// Time of a frame of the row, ns: 20 Hz, so that 0.2 s are four frames.
 const PERIOD_NS: u64 = 50_000_000;
 
-/// The number of the slip that each frame belongs to, as it is known when the frame is seen: a digit while it runs, `.` after.
+/// The number of the slip that each frame belongs to, as known at that frame: a digit while it lasts, `.` after.
 fn slips_in(row: &str, has_times: bool) -> String {
     let (mut episodes, mut now) = (SlipEpisodes::default(), '.');
     let drawn = row.chars().enumerate().map(|(i, shown)| {
@@ -32,7 +32,7 @@ fn slips_in(row: &str, has_times: bool) -> String {
 
 #[test]
 fn a_slip_lasts_until_nothing_was_seen_of_it_for_a_fifth_of_a_second() {
-    // At 20 Hz the fourth quiet frame ends it; a slip that shows there is the next one.
+    // At 20 Hz the fourth quiet frame ends it; a slip detected there is the next one.
     assert_eq!(slips_in("..xx.x....xx...x.......x", true), "..1111111.222223333....4");
 }
 

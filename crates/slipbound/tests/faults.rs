@@ -1,4 +1,4 @@
-//! Frames that no camera should deliver: the monitor neither panics nor forgets its markers.
+//! Frames that no camera should deliver: the monitor must neither panic nor lose its markers.
 
 mod picture;
 
@@ -39,7 +39,7 @@ fn after_any_nonsense_every_marker_is_back_within_five_frames() {
         let touch = Touch { centre: Vec2::new(160.0, 120.0), radii_px: Vec2::new(90.0, 75.0), strength_levels: 30.0 };
         let good = painter.paint(&painter.rest, Some(&touch), 2);
         let mut monitor = monitor(&painter, &settings);
-        // Pressed weave may hide a marker by itself.
+        // A pressed weave may hide a marker by itself.
         let hidden = (0..4).map(|i| monitor.step(&frame(&good, SIZE, i), None).markers.lost).last().expect("frames");
         assert!(hidden <= 2, "{skin:?}: {hidden} markers hidden by the weave");
         for kind in 0..12 {
@@ -59,7 +59,8 @@ fn after_any_nonsense_every_marker_is_back_within_five_frames() {
     }
 }
 
-/// A gel that is turned by more than a pitch at its rim, then not seen for a while, and untouched when it is seen again.
+/// A gel that is rotated by more than a pitch at its rim, then hidden for a while, and untouched when it is visible
+/// again.
 #[test]
 fn markers_that_sprang_back_unseen_are_found_at_rest() {
     for skin in [Skin::Smooth, Skin::Fabric] {
@@ -135,7 +136,7 @@ fn what_cannot_be_judged_says_why() {
     assert_eq!(monitor.torn(9, None).reason, Some(Reason::Torn));
 }
 
-/// A gel that is dragged along by two thirds of the view: what has left the view is not lost, what is covered in it is.
+/// A gel that is dragged by two thirds of the view: markers that have left the view are not lost, covered ones are.
 #[test]
 fn markers_that_left_the_view_are_not_lost_and_covered_ones_are() {
     let painter = Painter::new(SIZE, 18.0, 6.0, Skin::Smooth, 0.5, 22);
@@ -151,12 +152,12 @@ fn markers_that_left_the_view_are_not_lost_and_covered_ones_are() {
     let all = painter.rest.len() as u32;
     let report = report.expect("frames");
     assert!(2 * report.markers.matched < all && 4 * report.markers.matched > all, "{:?}", report.markers);
-    // Three of five of those that are left are covered.
+    // Three of five of the remaining markers are covered.
     let mut covered = moved(208.0);
     covered.retain(|p| p.y < 95.0);
     let told = watching.step(&frame(&painter.paint(&covered, None, 60), SIZE, 53), None);
     assert_eq!((told.state, told.reason), (SlipState::Unjudged, Some(Reason::MarkersLost)), "{:?}", told.markers);
-    // Further on less than a quarter of all is left.
+    // Moved further, less than a quarter of all markers remains.
     let mut watching = monitor(&painter, &Settings::default());
     let last = (0..=66u64).map(|step| {
         let picture = painter.paint(&moved(4.0 * step as f64), None, step);

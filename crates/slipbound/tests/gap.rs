@@ -1,4 +1,4 @@
-//! Missed frames while the finger is held: a pitch of motion that nobody saw is not taken for none.
+//! Missed frames while the finger is held: an unobserved motion by a pitch is not mistaken for no motion.
 
 mod picture;
 
@@ -11,7 +11,7 @@ use slipbound::sensor::Skin;
 const SIZE: SizePx = SizePx::new(320, 240);
 const PITCH_PX: f64 = 18.0;
 
-/// A finger whose dots go on beyond what the camera sees, so that as many come into view as leave it.
+/// A finger whose dots extend beyond the camera's view, so that as many come into view as leave it.
 struct Finger {
     painter: Painter,
     dots: Vec<Vec2>,
@@ -62,7 +62,7 @@ impl Finger {
         }
     }
 
-    /// How far found markers are from where they truly are, px: the furthest.
+    /// Largest error of the matched markers, px.
     fn worst_px(&self, moved: Vec2) -> f64 {
         let found = self.monitor.markers().iter().filter(|m| m.matched);
         found.map(|m| (m.now_from_rest() - moved).length()).fold(0.0, f64::max)
@@ -81,7 +81,7 @@ fn a_pitch_of_motion_in_half_a_second_without_frames_is_seen() {
     }
 }
 
-/// A camera that was plugged in again begins to count anew: for how long nobody saw is not known.
+/// The clock of a camera that was plugged in again restarts: the length of the gap is unknown.
 #[test]
 fn a_clock_that_was_set_back_is_a_gap() {
     let mut finger = Finger::new(0.5, 31);

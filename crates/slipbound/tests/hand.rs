@@ -1,4 +1,4 @@
-//! Several fingers as one hand: what is fused, what is told apart, what becomes of a finger that fails.
+//! Several fingers as one hand: what is fused, what is separated, and what happens when a finger fails.
 
 use slipbound::hand::{Allowed, Hand, HandReport, HandVector, Health, Mounting, Side};
 use slipbound::monitor::{
@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 
 const MS: u64 = 1_000_000;
 
-/// A finger that feels the object drag its gel by so many mm, in its own frame.
+/// A finger whose gel is dragged by the object by this many mm, in its own frame.
 fn feels(seq: u64, shear_mm: Vec2, rotation_rad: f64) -> SlipReport {
     SlipReport {
         seq,
@@ -28,7 +28,7 @@ fn feels(seq: u64, shear_mm: Vec2, rotation_rad: f64) -> SlipReport {
     }
 }
 
-/// The same finger seeing slip of the object in a direction of its own frame.
+/// The same finger with slip of the object in a direction of its own frame.
 fn slips(seq: u64, direction_rad: f64) -> SlipReport {
     let mut report = feels(seq, Vec2::new(0.1, 0.2), 0.0);
     report.state = SlipState::Incipient;
@@ -67,7 +67,7 @@ fn a_turned_cap_and_a_pull_are_told_apart_by_two_fingers_and_not_by_one() {
     assert!(!alone.separated && alone.shear_mm.expect("contact").across == alone.shear_mm.expect("contact").around);
 }
 
-/// A report of the first finger with these: margin, friction, quality, area in mm2, longest slip in mm.
+/// Sets in a report: margin, friction, quality, area in mm2, longest slip in mm.
 fn measures(report: &mut SlipReport, [margin, friction, quality, area_mm2, slip_mm]: [f64; 5]) {
     let estimate = |value| Some(Estimate { value, sd: 0.1, age_frames: 0 });
     report.estimates = Estimates { margin: estimate(margin), friction: estimate(friction), ..Estimates::default() };
@@ -85,12 +85,12 @@ fn of_several_fingers_the_worst_counts_and_areas_are_averaged() {
         assert_eq!((hand.margin, hand.friction, hand.quality), (Some(0.3), Some(0.4), 0.6));
         assert_eq!((hand.contact_area_mm2, hand.slip_max_mm), (Some(80.0), Some(0.3)));
     }
-    // What one finger does not know the other says, but no mean is made of half.
+    // A value missing in one finger is taken from the other, but no mean is made of half.
     (right.estimates, right.contact.area_mm2, right.slip.max_mm) = (Estimates::default(), None, None);
     let hand = fused(&left, &right);
     assert_eq!((hand.margin, hand.friction), (Some(0.3), Some(0.9)));
     assert_eq!((hand.contact_area_mm2, hand.slip_max_mm), (None, None));
-    // A finger that touches nothing has no area and no slip, but it sees.
+    // A finger without contact has no area and no slip, but it is live.
     let away = SlipReport { shear: None, state: SlipState::NoContact, ..right };
     let hand = fused(&left, &away);
     assert_eq!((hand.contact_area_mm2, hand.slip_max_mm, hand.quality), (Some(100.0), Some(0.1), 0.6));
@@ -101,7 +101,7 @@ fn of_several_fingers_the_worst_counts_and_areas_are_averaged() {
 fn what_any_finger_sees_goes_before_what_the_others_do_not() {
     use SlipState::*;
     let seen = |state| SlipReport { state, ..feels(1, Vec2::ZERO, 0.0) };
-    // In this order: whichever of two is further to the right is what the hand says.
+    // In ascending order: the hand reports whichever of two is further to the right.
     let order = [NoContact, Unsure, Stick, Incipient, Gross];
     for (i, &one) in order.iter().enumerate() {
         for (j, &other) in order.iter().enumerate() {
@@ -142,7 +142,7 @@ fn two_fingers_that_each_see_half_of_a_slip_see_one() {
     assert_eq!(fused(&slips(1, 0.0), &half(0)).state, SlipState::Incipient, "and then it is believed");
 }
 
-/// Contact quality: what is too faint to tell raises no alarm, however many markers seem to slip.
+/// Contact quality: a contact that is too faint raises no alarm, however many markers seem to slip.
 #[test]
 fn a_contact_too_faint_to_tell_raises_no_alarm() {
     let faint = SlipReport { state: SlipState::Unsure, reason: Some(Reason::ContactQuality), ..slips(1, 0.0) };
@@ -190,7 +190,7 @@ fn a_picture_that_never_changes_is_a_frozen_one_and_only_in_contact() {
     assert_eq!(hand.report(0).health[0], Health::Live, "a finger that touches nothing measures nothing");
 }
 
-/// A loop faster than the cameras shows each frame several times.
+/// A loop faster than the cameras receives each frame several times.
 #[test]
 fn a_frame_that_comes_again_is_no_new_one() {
     let mut hand = two();
@@ -208,7 +208,7 @@ fn a_frame_that_comes_again_is_no_new_one() {
     assert_eq!(hand.report(0).health[0], Health::Blind, "what was seen before it was missed brings nobody back");
 }
 
-/// Two cameras need not count alike.
+/// Two cameras may use different frame numbers.
 #[test]
 fn the_hands_frame_is_the_one_that_came_last_whatever_its_number() {
     let mut hand = two();
@@ -219,7 +219,7 @@ fn the_hands_frame_is_the_one_that_came_last_whatever_its_number() {
     assert_eq!((report.live_count, report.seq, report.time_ns), (2, 10, Some(333_333_330)));
 }
 
-/// Along the thread yes, around it no.
+/// Allowed along the thread, not around it.
 #[test]
 fn slip_along_the_thread_is_let_pass_and_around_it_is_not() {
     let thread = Allowed { along: true, ..Allowed::default() };
@@ -239,7 +239,7 @@ fn slip_along_the_thread_is_let_pass_and_around_it_is_not() {
     assert_eq!(thread.filter(&report).state, SlipState::Incipient);
     assert_eq!(Allowed { pivot: true, ..thread }.filter(&report).state, SlipState::Stick);
 
-    // Nobody knows how it slips: no task allows that, and it is no sign of a touch.
+    // The slip direction is unknown: no task allows that, and it does not indicate a touch.
     let mut unknown = pivoting;
     (unknown.state, unknown.slip.kind) = (SlipState::Gross, None);
     let report = fused(&unknown, &unknown);
@@ -247,7 +247,7 @@ fn slip_along_the_thread_is_let_pass_and_around_it_is_not() {
     assert_eq!(Allowed { pivot: true, ..thread }.filter(&report).state, SlipState::Gross);
 }
 
-/// Clocks of cameras count from anywhere, and may be set.
+/// Clocks of cameras may start anywhere, and may be set.
 #[test]
 fn a_clock_at_either_end_of_its_range_is_a_new_clock() {
     let mut hand = two();
@@ -267,7 +267,7 @@ fn a_hand_has_one_to_four_fingers() {
     assert_eq!(error.key, "hand.fingers.turn_rad");
 }
 
-/// Two fingers that see a frame every 33 ms; `frame` says what each shows in a cycle, None for no frame.
+/// Two fingers with a frame every 33 ms; `frame` gives the report of each in a cycle, None for no frame.
 fn watched(cycles_count: u64, frame: impl Fn(usize, u64) -> Option<SlipReport>) -> (Hand, HandReport) {
     let mut hand = two();
     let mut report = hand.report(0);
@@ -286,23 +286,24 @@ fn watched(cycles_count: u64, frame: impl Fn(usize, u64) -> Option<SlipReport>) 
 fn a_finger_without_new_frames_is_blind_after_a_tenth_of_a_second_and_pins_neither_number_nor_time() {
     let shows = |seq: u64| Some(feels(seq, Vec2::new(0.0, 0.4 + 0.001 * seq as f64), 0.0));
     for dead in [0, 1] {
-        // Nothing comes; nobody says so.
+        // No frame arrives, and this is not reported.
         let (_, report) = watched(1000, |finger, cycle| if finger == dead && cycle > 2 { None } else { shows(cycle) });
         assert_eq!((report.health[dead], report.live_count, report.seq), (Health::Blind, 1, 1000));
         assert_eq!(report.time_ns, Some(33_333_333 * 1000));
-        // The same frame comes again and again, and its number is the largest of all.
+        // The same frame arrives again and again, and its number is the largest of all.
         let stuck = shows(5000).map(|frame| SlipReport { time_ns: Some(7), ..frame });
         let (_, report) = watched(1000, |finger, cycle| if finger == dead { stuck } else { shows(cycle) });
         assert_eq!((report.health[dead], report.health[1 - dead], report.seq), (Health::Blind, Health::Live, 1000));
     }
-    // A tenth of a second is let pass.
+    // A tenth of a second is tolerated.
     let (mut hand, _) = watched(10, |_, cycle| shows(cycle));
     assert_eq!(hand.report(430 * MS).live_count, 2);
     let report = hand.report(431 * MS);
     assert_eq!((report.live_count, report.state, report.seq), (0, SlipState::Unjudged, 10));
 }
 
-/// A camera's clock that is set while its frames keep coming is no lag, of whichever finger; nor is the drift of one that was away for long.
+/// A camera's clock that is set while its frames keep arriving is no lag, for either finger; nor is the drift during a
+/// long absence.
 #[test]
 fn a_clock_that_is_set_or_drifts_while_its_finger_is_away_blinds_nobody() {
     for finger in [0, 1] {
@@ -318,7 +319,7 @@ fn a_clock_that_is_set_or_drifts_while_its_finger_is_away_blinds_nobody() {
                 assert_eq!(live_count, 2, "finger {finger} by {step_ms} ms, after {cycles_count} cycles");
             }
         }
-        // Away for ten minutes; its clock runs 100 us fast in every second.
+        // Absent for ten minutes; its clock gains 100 us per second.
         let away = |at: usize, cycle: u64| {
             let drift_ns = if at == finger { 33 * MS * cycle / 10_000 } else { 0 };
             let time_ns = Some(5000 * MS + 33 * MS * cycle + drift_ns);
@@ -329,7 +330,7 @@ fn a_clock_that_is_set_or_drifts_while_its_finger_is_away_blinds_nobody() {
     }
 }
 
-/// The time of a frame that is torn may be of another clock, and what was late before is late after it.
+/// The time of a torn frame may be of another clock; a frame that was late before is late after it.
 #[test]
 fn a_torn_frame_does_not_hide_that_its_finger_is_late() {
     for late in [0, 1] {
@@ -347,7 +348,7 @@ fn a_torn_frame_does_not_hide_that_its_finger_is_late() {
     }
 }
 
-/// Frames that still come, but ever later: a queue that fills.
+/// Frames that still arrive, but later and later: a queue that fills.
 #[test]
 fn a_finger_that_falls_behind_the_other_is_blind_whatever_their_clocks_say() {
     for late in [0, 1] {
@@ -365,7 +366,7 @@ fn a_finger_that_falls_behind_the_other_is_blind_whatever_their_clocks_say() {
             let behind = run(|cycle| cycle.saturating_sub(500) * 10 * MS, offset_ns);
             assert_eq!((behind.health[late], behind.health[1 - late]), (Health::Blind, Health::Live));
         }
-        // Some of its first frames were old when they came: 300 ms, then 10.
+        // Some of its first frames were late: 300 ms, then 10.
         assert_eq!(run(|cycle| if cycle < 4 { 300 * MS } else { 10 * MS }, 0).live_count, 2, "late at the start");
         // A camera that was plugged in again counts from 0.
         let again = watched(600, |finger, cycle| {
@@ -385,7 +386,7 @@ fn of_two_live_fingers_one_that_touches_counts_once() {
     assert!(both.separated && !one.separated);
     let (both_n, one_n) = (both.load_n(0.05).expect("contact"), one.load_n(0.05).expect("contact"));
     assert!((both_n - one_n).abs() < 1e-12, "{both_n} N and {one_n} N");
-    // 25 deg from the thread is along it, for two fingers and for one alone.
+    // 25 deg from the thread counts as along it, for two fingers and for one alone.
     let thread = Allowed { along: true, ..Allowed::default() };
     let slipping = slips(1, 25f64.to_radians());
     for report in [fused(&slipping, &slipping), fused(&feels(1, Vec2::ZERO, 0.0), &slipping)] {
@@ -419,7 +420,7 @@ fn one_bad_marker_a_finger_is_no_half_of_a_slip() {
     assert_eq!(fused(&bad(2, 3), &bad(2, 3)).state, SlipState::Incipient);
 }
 
-/// The message is built in a workspace of its own, whose tests are not run with these.
+/// The message is built in a separate workspace, whose tests are not run with these.
 #[test]
 fn the_ros_message_of_a_hand_has_the_fields_of_its_report() {
     let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../ros2/slipbound_msgs/msg/HandReport.msg"));

@@ -1,4 +1,4 @@
-//! What a law of the grip tells the gripper and the arm, frame by frame, for rows of frames that a test draws.
+//! Commands of a control law to gripper and arm, frame by frame, for rows of frames drawn by a test.
 
 mod made_up;
 
@@ -14,13 +14,13 @@ fn starting_with(start_n: f64) -> GripLimits {
     limits
 }
 
-/// When the arm waits, `#`, and goes, `.`.
+/// When the arm waits, `#`, and when it moves, `.`.
 fn waits(told: &[GripDecision]) -> String {
     told.iter().map(|told| if told.arm == ArmMotion::Go { '.' } else { '#' }).collect()
 }
 
-/// What a law told a gripper that follows at once (or, with `pressed_n`, presses with that whatever it is told) every 33 ms; the
-/// alarms it counted and whether it wants more than there is.
+/// Commands of a law every 33 ms to a gripper that follows at once (or always exerts `pressed_n`); the number of
+/// alarms, and whether it wants more than the maximum force.
 fn told_by(
     law: Law,
     limits: GripLimits,
@@ -38,7 +38,7 @@ fn told_by(
     (told, controller.alarms_count(), controller.wants_more())
 }
 
-/// A row of frames: `.` sticks, `x` begins to slip, `X` slides, `?` cannot be told.
+/// A row of frames: `.` stick, `x` incipient slip, `X` gross slip, `?` unsure.
 fn hands(row: &str) -> Vec<HandReport> {
     let state = |shown| match shown {
         'x' => SlipState::Incipient,
@@ -66,7 +66,7 @@ fn slip_at_the_largest_force_wants_more_and_slip_at_the_least_of_a_loosening_law
     }
 }
 
-/// 0.2 s from an alarm on it is the same slip; the seventh frame of 33.3 ms is later than that.
+/// Within 0.2 s after an alarm it is the same slip; the seventh frame of 33.3 ms is later than that.
 #[test]
 fn slip_that_goes_on_is_the_next_alarm_after_a_fifth_of_a_second() {
     let law = Law::OnSlip(OnSlipSettings::default());
@@ -94,14 +94,14 @@ fn with_margin(hands: Vec<HandReport>, margin: f64) -> Vec<HandReport> {
 
 #[test]
 fn one_frame_counts_alone_only_where_little_is_left() {
-    // 10 N stand at 62 % for long; then a single frame says 79 or 81 %.
+    // 10 N at a constant 62 %; then a single frame reports 79 or 81 %.
     let raised_n = |used: f64| {
         let mut hands = with_margin(hands(&".".repeat(30)), 0.38);
         hands.push(HandReport { margin: Some(1.0 - used), ..hand(SlipState::Stick) });
         let (told, ..) = told_by(margin_law(), GripLimits::default(), &hands, Some(10.0));
         told[30].force_n - told[29].force_n
     };
-    // 33 ms of an average over 100 ms let through 28 %.
+    // An average over 100 ms passes 28 % of a step within 33 ms.
     let average_n = (1.0 - (-1.0f64 / 3.0).exp()) * 1.7 / 0.62;
     assert!((raised_n(0.79) - average_n).abs() < 1e-3, "{} N for {average_n} N", raised_n(0.79));
     assert!((raised_n(0.81) - 1.9 / 0.62).abs() < 1e-3, "{} N for all of it", raised_n(0.81));
@@ -111,7 +111,7 @@ fn one_frame_counts_alone_only_where_little_is_left() {
 fn an_object_that_slides_uses_all_there_is_whatever_the_margin_says() {
     for margin in [None, Some(0.9), Some(0.0)] {
         let slides = HandReport { margin, ..hand(SlipState::Gross) };
-        // It slides under 10 N: 10 N over 62 % would hold it, at once, for 120 N a second are more.
+        // It slides at 10 N: 10 N over 62 % would hold it; the rate limit of 120 N a second allows it.
         let (told, count, wants) =
             told_by(margin_law(), GripLimits::default(), &[hand(SlipState::Stick), slides, slides], Some(10.0));
         let forces: Vec<f64> = told.iter().map(|told| told.force_n).collect();
@@ -128,7 +128,8 @@ fn an_object_that_slides_uses_all_there_is_whatever_the_margin_says() {
 
 #[test]
 fn the_arm_waits_while_the_grip_is_behind_the_load() {
-    // The gripper presses with 10 N whatever it is told; what is used of it, and whether the arm waits when 12 N or more were told.
+    // The gripper always exerts 10 N; the used fraction of it, and whether the arm waits once 12 N or more were
+    // commanded.
     for (used, picture) in [(0.73, "......"), (0.765, "......"), (0.775, ".#####"), (0.95, ".#####")] {
         let (told, ..) =
             told_by(margin_law(), GripLimits::default(), &with_margin(hands("......"), 1.0 - used), Some(10.0));
@@ -157,13 +158,13 @@ fn the_margin_that_is_told_is_that_of_the_least_force_that_holds() {
     let stands = HandReport { margin: Some(0.4), ..hand(SlipState::Stick) };
     controller.decide(0, &stands, &gripper(10.0));
     assert!((controller.margin().expect("known") - 0.4).abs() < 1e-12);
-    // The hand goes on saying 40 % of twice the force: the load doubled, and the average is behind.
+    // The hand still reports 40 % at twice the force: the load doubled, and the average lags.
     controller.decide(FRAME_NS, &stands, &gripper(20.0));
     let average_n = 6.0 + (1.0 - (-1.0f64 / 3.0).exp()) * 6.0;
     assert!((controller.margin().expect("known") - (1.0 - average_n / 20.0)).abs() < 1e-6);
 }
 
-/// A hand that is blind goes to the force that was set for it only where something may be held.
+/// A blind hand uses the blind force only where something may be held.
 #[test]
 fn a_blind_hand_whose_jaws_are_open_or_closing_is_told_no_more() {
     for (jaws, force_n) in

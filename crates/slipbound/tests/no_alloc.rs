@@ -31,7 +31,7 @@ fn frames_are_judged_without_an_allocation() {
         builder.add(&frame(&painter.paint(&painter.rest, None, 0), size, 0)).expect("bright");
         let rest = builder.build(RestKind::Unloaded).expect("markers");
         let mut monitor = SlipMonitor::new(&painter.sensor, &settings, rest).expect("valid");
-        // Nothing, a press, a shift of the middle past the threshold, markers lost behind noise, a torn frame.
+        // No contact, a press, a shift of the middle past the threshold, markers lost in noise, a torn frame.
         let centre = Vec2::new(160.0, 120.0);
         let touch = Touch { centre, radii_px: Vec2::new(90.0, 75.0), strength_levels: 32.0 };
         let pictures: Vec<Vec<u8>> = (0..44)
@@ -47,7 +47,7 @@ fn frames_are_judged_without_an_allocation() {
         reset_violation_count();
         let (mut states, mut margins) = (Vec::with_capacity(pictures.len()), 0);
         for (seq, rgb) in pictures.iter().enumerate() {
-            // A fast camera: some frames are searched, some followed.
+            // A fast camera: some frames are searched, others tracked.
             let frame = Frame { time_ns: Some(seq as u64 * 1_000_000_000 / 90), ..frame(rgb, size, seq as u64) };
             let report = assert_no_alloc(|| monitor.step(&frame, Some(GripSample { force_n: 5.0 })));
             states.push(report.state);

@@ -1,4 +1,5 @@
-//! A finger at rest that was saved and loaded judges as before; what is not this finger's, or damaged, is refused by name.
+//! A rest frame that was saved and loaded gives the same reports; one of another finger, or damaged, is rejected with
+//! the reason.
 
 mod picture;
 

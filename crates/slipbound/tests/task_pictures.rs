@@ -1,4 +1,4 @@
-//! What tasks do, drawn a letter a frame: taking hold, lifting, laying down.
+//! Behaviour of tasks, one letter per frame: grasping, lifting, laying down.
 
 mod made_up;
 
@@ -8,8 +8,8 @@ use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};
 use slipbound::task::{ControllerKind, Ending, Observation, Phase, TaskKind, TaskSettings};
 
-/// What a lift does in each frame of 33 ms: `G` takes hold, `>` rises, `-` waits, `H` held, `L` lost, `N` nothing held; and how high
-/// it got, mm.
+/// Phase of a lift in each frame of 33 ms: `G` grasps, `>` rises, `-` waits, `H` held, `L` lost, `N` nothing held; and
+/// the final height, mm.
 fn lift_picture(
     settings: &TaskSettings,
     frames_count: u64,
@@ -33,7 +33,7 @@ fn lift_picture(
             other => panic!("{other:?}"),
         });
         match step.wrist.motion {
-            // The wrist goes no further than it was told, however fast.
+            // The wrist stops at the commanded distance, however fast.
             WristMotion::Lower { rate_mm_per_s, most_mm } => {
                 lowered_mm +=
                     (rate_mm_per_s.abs() * 1.5 * FRAME_NS as f64 * 1e-9).min(most_mm) * rate_mm_per_s.signum();
@@ -49,7 +49,7 @@ fn a_lift_rises_as_far_as_it_was_told_and_counts_the_time_it_is_held_there() {
     let mut settings = TaskSettings::default();
     (settings.lift.lift_mm, settings.lift.hold_ns) = (4.5, 300_000_000);
     let (picture, way_mm) = lift_picture(&settings, 24, |_, force_n| (hand(SlipState::Stick), gripper(force_n)));
-    // 0.2 s to take hold, a millimetre a frame from the second one on, the last one halved; ten frames are 0.3 s.
+    // 0.2 s to grasp, a millimetre per frame from the second one on, half of it in the last; ten frames are 0.3 s.
     assert_eq!(picture, "GGGGGGG>>>>>>----------H");
     assert!((4.5..4.5 + 1.0 + 1e-9).contains(&way_mm), "to a frame's way: {way_mm} mm");
 }
@@ -98,18 +98,18 @@ fn jaws_that_hold_nothing_for_ten_seconds_end_it_and_blind_fingers_or_a_felt_obj
         });
         picture.0.find('N')
     };
-    // 300 frames are a hair less than 10 s.
+    // 300 frames are slightly less than 10 s.
     assert_eq!(run(SlipState::NoContact, Jaws::Holding, &|_| 28.0), Some(301));
     assert_eq!(run(SlipState::Stick, Jaws::Closing, &|_| 28.0), Some(301));
     assert_eq!(run(SlipState::Unjudged, Jaws::Holding, &|_| 28.0), None);
-    // Jaws that hold and feel, but shake.
+    // Jaws that hold and fingers that feel, but the jaws shake.
     assert_eq!(run(SlipState::Stick, Jaws::Holding, &|frame| (frame % 2) as f64), None);
     assert_eq!(run(SlipState::NoContact, Jaws::Lost, &|_| 28.0), Some(0));
 }
 
-/// How a tool is laid down, a letter a frame of 33 ms: `G` takes hold, `v` lowers, `-` waits, `R` lets go, `P` placed, `L` lost, `E`
-/// too far, `S` the grip stays firm. `shows`: shear along in mm (None: not felt), pivot in rad, jaws, and what the gripper presses with
-/// when it is told a force.
+/// How a tool is laid down, one letter per frame of 33 ms: `G` grasps, `v` lowers, `-` waits, `R` releases, `P` placed,
+/// `L` lost, `E` too far, `S` the grip stays firm. `shows`: shear along in mm (None: not felt), pivot in rad, jaws, and
+/// the force that the gripper exerts for a commanded force.
 fn laying_picture(
     settings: &TaskSettings,
     stiffness_mpa_per_mm: Option<f64>,
@@ -150,36 +150,39 @@ fn laying_picture(
 fn a_tool_is_laid_down_only_as_far_as_the_ground_is_felt() {
     let mut settings = TaskSettings::default().with_controller(ControllerKind::Constant);
     let touches = |frame: u64| if frame < 12 { 0.0 } else { 0.2 };
-    // The ground pushes by 0.01 mm a frame from frame 30 on. 0.05 MPa/mm on 100 mm2: 0.25 N are 0.05 mm, beyond the mean over a second.
+    // The ground pushes by 0.01 mm per frame from frame 30 on. 0.05 MPa/mm on 100 mm2: 0.25 N are 0.05 mm beyond the
+    // mean over a second.
     let push = |frame: u64| -0.01 * frame.saturating_sub(30) as f64 - 0.001;
     let jaws = |frame: u64, from| if frame < from { Jaws::Holding } else { Jaws::Open };
     let told = |stiffness| {
         laying_picture(&settings, stiffness, 42, |frame, n| (Some(push(frame)), touches(frame), jaws(frame, 40), n))
     };
-    // Touch at 12, believed when it has lasted for three frames; half a second for the loose grip to stand, then down until it is carried,
-    // for three frames, in which it is lowered no further.
+    // Touch at 12, confirmed after three frames; half a second until the loose grip has settled, then down until the
+    // ground carries it, confirmed over three frames in which it is not lowered.
     let touched = "G".repeat(7) + "vvvvvvv" + &"-".repeat(16);
     let after = touched.clone() + "vvvvvv--";
     assert_eq!(told(Some(0.05)), after.clone() + "RRPP");
     assert_eq!(told(None), after.clone() + "RRPP", "by the displacement alone");
     assert_eq!(told(Some(0.1)), touched.clone() + "vvv--RRRRRPP", "twice as stiff: 0.025 mm");
 
-    // What the gels were sheared by when the loose grip stood is no push of the ground.
+    // The shear present when the loose grip settled does not count as push of the ground.
     let picture = laying_picture(&settings, None, 36, |frame, n| (Some(-0.3), touches(frame), Jaws::Holding, n));
     assert_eq!(picture, touched.clone() + "vvvvvv");
 
-    // Nor is a push that grows by 0.03 mm in a second, as the gel creeps and the object turns on its edge: 0.27 mm in nine seconds.
+    // Nor does a push that grows by 0.03 mm in a second, as the gel creeps and the object turns on its edge: 0.27 mm in
+    // nine seconds.
     let creep = |frame: u64| Some(-0.001 * frame.saturating_sub(30) as f64);
     let picture = laying_picture(&settings, None, 300, |frame, n| (creep(frame), touches(frame), Jaws::Holding, n));
     assert_eq!(picture, touched.clone() + &"v".repeat(270));
 
-    // Nothing is felt for three frames: nothing is lowered then.
+    // No shear for three frames: no lowering meanwhile.
     let unresponsive = |frame: u64| if (30..33).contains(&frame) { None } else { Some(0.0) };
     let picture =
         laying_picture(&settings, None, 36, |frame, n| (unresponsive(frame), touches(frame), Jaws::Holding, n));
     assert_eq!(picture, touched + "---vvv");
 
-    // Before it touches a frame that is not felt is no reason to wait; it may hang turned, and it may be lost.
+    // Before the touch a single frame without shear is no reason to wait; the object may hang turned, and it may be
+    // lost.
     let unresponsive = |frame: u64| if frame == 9 { None } else { Some(0.0) };
     let picture = laying_picture(&settings, None, 16, |frame, n| (unresponsive(frame), 0.3, jaws(frame, 99), n));
     assert_eq!(picture, "GGGGGGGvvvvvvvvv");
@@ -187,7 +190,7 @@ fn a_tool_is_laid_down_only_as_far_as_the_ground_is_felt() {
     let picture = laying_picture(&settings, None, 12, |frame, n| (Some(0.0), 0.0, lost(frame), n));
     assert_eq!(picture, "GGGGGGGvvvLL");
 
-    // 3 mm/s are 0.1 mm a frame: 1 mm are ten, from the second one on.
+    // 3 mm/s are 0.1 mm per frame: 1 mm takes ten, from the second one on.
     settings.place.most_mm = 0.999;
     let picture = laying_picture(&settings, None, 20, |_, n| (Some(0.0), 0.0, Jaws::Holding, n));
     assert_eq!(picture, "G".repeat(7) + &"v".repeat(11) + "EE");
@@ -204,11 +207,11 @@ fn a_grip_that_does_not_loosen_is_waited_for_three_seconds_more() {
     };
     let waits = |picture: &str| picture.chars().filter(|c| *c == '-').count();
     assert_eq!((waits(&told(60)), told(60).ends_with('v')), (60 - 14, true));
-    // Believed two frames after it; 3.5 s are 105 frames and a hair.
+    // Confirmed two frames after it; 3.5 s are slightly more than 105 frames.
     assert_eq!((waits(&told(999)), told(999).ends_with('S')), (106, true));
 }
 
-/// Every task says what it waits for while it takes hold, and nothing after.
+/// Every task reports what it waits for during the grasp, and nothing after.
 #[test]
 fn what_is_missing_is_said_while_hold_is_taken() {
     use slipbound::task::Missing;
@@ -235,7 +238,7 @@ fn what_is_missing_is_said_while_hold_is_taken() {
     }
 }
 
-/// The force is believed once it has stood for a fifth of a second, too, not when it is first read right.
+/// The force counts once it has been constant for a fifth of a second, not at the first correct reading.
 #[test]
 fn taking_hold_waits_until_the_force_has_stood_as_well() {
     let settings = TaskSettings::default().with_controller(ControllerKind::Constant);
@@ -255,7 +258,7 @@ fn a_lift_that_need_not_be_held_is_lifted_all_the_same() {
     let mut settings = TaskSettings::default();
     (settings.lift.lift_mm, settings.lift.hold_ns) = (4.5, 0);
     let (picture, _) = lift_picture(&settings, 16, |frame, force_n| {
-        // Blind as it arrives: that it is held has to be seen.
+        // Blind when it reaches its height: the hold must be observed.
         let state = if (12..14).contains(&frame) { SlipState::Unjudged } else { SlipState::Stick };
         (hand(state), gripper(force_n))
     });

@@ -1,4 +1,4 @@
-//! The house in order: settings carry units, deviations are written down and tested, the core depends on next to nothing.
+//! Conventions: settings have units, deviations are documented and tested, the core has almost no dependencies.
 
 use slipbound::monitor::Settings;
 use std::collections::BTreeSet;

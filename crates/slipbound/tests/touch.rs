@@ -1,4 +1,4 @@
-//! When a contact begins and ends, and what a new reference knows: painted fingers, a letter a frame.
+//! Begin and end of contact, and the renewal of the reference: painted fingers, one letter per frame.
 
 mod picture;
 
@@ -15,11 +15,11 @@ fn finger(skin: Skin) -> (Painter, SlipMonitor) {
     finger_from(skin, None)
 }
 
-/// A finger whose rest frame shows it untouched, or touched already.
+/// A finger whose rest frame shows it untouched, or already touched.
 fn finger_from(skin: Skin, touched: Option<&Touch>) -> (Painter, SlipMonitor) {
     let mut painter = Painter::new(SIZE, 20.0, 7.0, skin, 0.0, 3);
     if touched.is_some() {
-        // What is seen at rest is not hidden then: dots must make no edges.
+        // Edges visible at rest are not masked in this case: dots must make no edges.
         painter.contrast_levels = 22.0;
     }
     let mut builder = RestBuilder::new(&painter.sensor, &Settings::default(), SIZE).expect("valid");
@@ -36,10 +36,10 @@ fn touch(radius_px: f64) -> Touch {
     Touch { centre: Vec2::new(160.0, 120.0), radii_px: Vec2::new(1.1, 0.9) * radius_px, strength_levels: 32.0 }
 }
 
-/// Contact, `#`, in a row of frames: `.` nothing touches, `o` little does, `O` much does.
+/// Contact, `#`, in a row of frames: `.` no touch, `o` a small one, `O` a large one.
 fn contact_in(row: &str, skin: Skin) -> String {
     let (painter, mut monitor) = finger(skin);
-    // A contact begins from 2255 px2 on and lasts down to 440 px2.
+    // A contact begins at 2255 px2 and lasts down to 440 px2.
     let touch = |shown| match shown {
         'o' => Some(touch(19.0)),
         'O' => Some(touch(55.0)),
@@ -64,7 +64,8 @@ fn a_contact_begins_with_the_fourth_frame_of_much_and_lasts_while_a_little_is_le
     }
 }
 
-/// A recording that starts in contact, lets go and grips again: what the first contact showed says nothing of the second.
+/// A recording that starts in contact, lets go and grips again: evidence of the first contact does not apply to the
+/// second.
 #[test]
 fn the_evidence_of_a_recording_that_starts_in_contact_ends_with_that_contact() {
     let (painter, mut monitor) = finger_from(Skin::Fabric, Some(&touch(70.0)));
@@ -86,7 +87,7 @@ fn the_evidence_of_a_recording_that_starts_in_contact_ends_with_that_contact() {
     assert!(evidence.relaxation < 0.05 && evidence.slide_score < 0.5, "nothing has moved: {evidence:?}");
 }
 
-/// Nothing of an object shows in the first frames. Only who knows that it is held says that they are in contact.
+/// Nothing of an object is visible in the first frames. Only the setting `held` makes them a contact.
 #[test]
 fn a_rest_frame_in_which_an_object_is_known_to_be_held_is_in_contact_though_nothing_shows() {
     let painter = Painter::new(SIZE, 20.0, 7.0, Skin::Smooth, 0.0, 3);
@@ -100,7 +101,8 @@ fn a_rest_frame_in_which_an_object_is_known_to_be_held_is_in_contact_though_noth
     }
 }
 
-/// The rest frame shows a finger that is touched and sheared: let go, its markers spring back to where nobody has seen them yet.
+/// The rest frame shows a touched and sheared finger: when released, its markers spring back to positions not seen
+/// before.
 #[test]
 fn a_finger_that_was_sheared_at_rest_is_free_once_it_is_let_go() {
     for skin in [Skin::Smooth, Skin::Fabric] {
@@ -126,7 +128,7 @@ fn a_finger_that_was_sheared_at_rest_is_free_once_it_is_let_go() {
     }
 }
 
-/// A spot on the gel that is no contact by itself makes none of a shear that is over.
+/// A stain that is no contact by itself does not prolong a contact after its shear has ended.
 #[test]
 fn a_stain_does_not_keep_a_contact_that_only_displacement_shows() {
     let (painter, mut monitor) = finger(Skin::Smooth);
@@ -141,7 +143,8 @@ fn a_stain_does_not_keep_a_contact_that_only_displacement_shows() {
     assert!(states[18..].iter().all(|state| *state == SlipState::NoContact), "{states:?}");
 }
 
-/// Markers that the border cut when the reference was taken have no displacement since: they say nothing until it is taken anew.
+/// Markers cut by the border when the reference was taken have no displacement from it: they are ignored until the next
+/// one.
 #[test]
 fn markers_that_were_cut_when_the_reference_was_taken_are_not_in_it() {
     let (painter, mut monitor) = finger(Skin::Smooth);
@@ -155,7 +158,7 @@ fn markers_that_were_cut_when_the_reference_was_taken_are_not_in_it() {
     for _ in 0..6 {
         show(&mut monitor, Vec2::ZERO, true);
     }
-    // All move by nearly a pitch: the last column leaves the picture.
+    // All move by nearly a pitch: the last column leaves the image.
     let away = Vec2::new(18.0, 0.0);
     for i in 1..=6 {
         show(&mut monitor, away * (f64::from(i) / 6.0), true);
@@ -169,21 +172,22 @@ fn markers_that_were_cut_when_the_reference_was_taken_are_not_in_it() {
         assert_eq!(m.in_reference, !cut(m), "marker {}", m.id);
         assert!(cut(m) || m.now_from_reference().length() < 0.3, "marker {}: {m:?}", m.id);
     }
-    // In view again, a column that nobody knows the way of has no slip and no say in the motion, though it is touched.
+    // Back in view, a column without a known displacement has no slip and does not contribute to the motion, though it
+    // is touched.
     let back = |i: u32| away * (1.0 - f64::from(i) / 6.0);
     let report = (1..=6).map(|i| show(&mut monitor, back(i), true)).last().expect("frames");
     for m in monitor.markers().iter().filter(|m| cut(m)) {
         assert!(m.whole && !m.in_reference && !m.inner && !m.over, "{m:?}");
     }
     assert!(report.motion.expect("in contact").translation_px.x < -17.0);
-    // Nothing touches: all count from rest again.
+    // No contact: all displacements count from rest again.
     for _ in 0..4 {
         show(&mut monitor, Vec2::ZERO, false);
     }
     assert!(monitor.markers().iter().all(|m| m.in_reference && m.reference == m.rest));
 }
 
-/// Beside a firm contact: what is brighter by some levels within some px of a place.
+/// A patch beside a firm contact: brighter by some levels within some px of a place.
 #[test]
 fn a_patch_that_is_small_or_faint_beside_the_contact_is_none() {
     let patch = Vec2::new(60.0, 60.0);
@@ -207,11 +211,11 @@ fn a_patch_that_is_small_or_faint_beside_the_contact_is_none() {
     assert!(!seen(9.0, 25.0), "as large, but less than half as strong as the contact");
 }
 
-/// A flat object shows its rim only: where the view cuts it, the middle is what the rim encloses with one side of the view or with two
-/// opposite ones. What it encloses with two that meet may as well be beyond it.
+/// A flat object shows only its rim. Where the view cuts it, the contact includes the area that the rim encloses with
+/// one side of the view or with two opposite ones. An area enclosed with two adjacent sides may be outside the contact.
 #[test]
 fn the_middle_of_a_contact_that_the_view_cuts_is_contact() {
-    // Whether a place is, where the picture is brighter within some px of a line.
+    // Whether a place is contact when the image is brighter within some px of a line.
     let is_contact = |(x, y): (isize, isize), away_px: &dyn Fn(Vec2) -> f64| {
         let (painter, mut monitor) = finger(Skin::Smooth);
         for i in 0..6u64 {
@@ -241,7 +245,8 @@ fn the_middle_of_a_contact_that_the_view_cuts_is_contact() {
     }
 }
 
-/// The last report of a finger pressed this strongly (None: not at all) under light that is this much brighter than at rest.
+/// The last report of a finger pressed with this strength (None: not at all) under light brighter than at rest by this
+/// gain.
 fn lit(strength_levels: Option<f64>, gain: f64) -> SlipReport {
     let (painter, mut monitor) = finger(Skin::Smooth);
     let pressed = strength_levels.map(|strength_levels| Touch { strength_levels, ..touch(55.0) });

@@ -1,4 +1,4 @@
-//! Kernels compiled for wide vectors and for the baseline give the same reports, to the last bit.
+//! Kernels for wide vectors and for the baseline give the same reports, to the last bit.
 
 mod picture;
 
@@ -57,7 +57,7 @@ fn judged(skin: Skin, size: SizePx, rectified: bool, grey: bool, settings: &Sett
 
 #[test]
 fn wide_and_plain_kernels_give_the_same_reports() {
-    // Widths that are whole numbers of vectors and widths that are not.
+    // Widths that are multiples of the vector width, and others.
     for (skin, size, rectified, grey, settings) in [
         (Skin::Smooth, SizePx::new(320, 240), false, false, Settings::default()),
         (Skin::Smooth, SizePx::new(307, 231), true, false, Settings::default()),

@@ -1,4 +1,4 @@
-//! A sensor file that does not fit the picture is not judged by, and what is no marker is not tracked.
+//! A sensor file that does not match the image is not used for judging, and spots that are no markers are not tracked.
 
 use slipbound::image::{Frame, Gray, Pixels, SizePx};
 use slipbound::monitor::{Reason, RestBuilder, RestError, RestKind, Settings, SlipMonitor, SlipState};
@@ -10,7 +10,7 @@ const PITCH_PX: f64 = 15.2;
 const COLUMNS: usize = 20;
 const ROWS: usize = 20;
 
-/// A camera that looks at the gel from the side, as that of the paper does, and delivers its picture upside down.
+/// A camera that looks at the gel from the side, as in the paper, and delivers its image upside down.
 fn sensor(flip: Flip) -> Sensor {
     let homography = Homography([[0.798, -0.338, 41.2], [0.0367, 0.8436, -24.59], [-1.0276e-4, -1.43882e-3, 1.0]]);
     Sensor {
@@ -40,7 +40,7 @@ fn nodes() -> Vec<Vec2> {
     (0..COLUMNS * ROWS).map(|i| node(i) * PITCH_PX + Vec2::new(14.0, 13.0)).collect()
 }
 
-/// What the camera of a finger with this flip delivers of dots at these places of its rectified image.
+/// The camera image of a finger with this flip, with dots at these places of its rectified image.
 fn picture(flip: Flip, dots: &[Vec2]) -> Vec<u8> {
     let sensor = sensor(flip);
     let mut grey = vec![150.0f64; SIZE.area()];
@@ -77,7 +77,7 @@ fn a_wrong_flip_is_not_judged_and_the_right_one_is_named() {
         let grey = picture(truth, &nodes());
         let right = monitor(&sensor(truth), &Settings::default(), &grey).step(&frame(&grey, 1), None);
         assert_eq!((right.state, right.reason), (SlipState::NoContact, None), "{truth}");
-        // Top and bottom are seen from different distances: this is the flip that spacing tells.
+        // Top and bottom are seen from different distances: this flip can be detected from the spacing.
         let wrong = match truth {
             Flip::None => Flip::Vertical,
             Flip::Vertical => Flip::None,
@@ -115,7 +115,7 @@ fn another_finger_is_not_judged_either() {
     assert!(matches!(report.reason, Some(Reason::MarkerSpacing { fitting: None, .. })), "{:?}", report.reason);
 }
 
-/// A chain of highlights between the markers, as the reflection of a lamp makes it.
+/// A chain of highlights between the markers, like the reflection of a lamp.
 fn highlights() -> Vec<Vec2> {
     (0..30).map(|i| Vec2::new(12.0 + 10.3 * f64::from(i), 172.6)).collect()
 }
@@ -137,7 +137,7 @@ fn glare_is_not_tracked_and_does_not_count_as_detected() {
 
 #[test]
 fn dots_without_order_are_all_tracked() {
-    // Painted by hand: each up to 0.45 pitch from its node, either way.
+    // Painted by hand: each up to 0.45 pitch from its node, in both directions.
     let mut state = 7u32;
     let mut next = || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

@@ -1,4 +1,4 @@
-//! `slipbound-ros2 emulate`: a gripper and a wrist that are nodes of their own.
+//! `slipbound-ros2 emulate`: a gripper and a wrist as separate nodes.
 
 use super::{Done, domain_id};
 use ros2_client::action::{ActionServer, ActionServerQosPolicies, SendGoalResponse};
@@ -21,7 +21,7 @@ use std::time::Duration;
 /// Time between two states: 50 a second.
 const PERIOD: Duration = Duration::from_millis(20);
 
-/// How far the jaws open, mm.
+/// Opening of the open jaws, mm.
 const OPEN_MM: f64 = 110.0;
 
 /// The arguments of `slipbound-ros2 emulate`.
@@ -69,7 +69,7 @@ impl Action {
         Ok(Action { server, joints: ros.publisher("/joint_states", &SENSOR_DATA)? })
     }
 
-    /// The newest goal, taken.
+    /// The newest goal, accepted.
     fn goal(&mut self) -> Option<JawCommand> {
         let mut newest = None;
         while let Ok(Some((id, request))) = self.server.receive_goal() {
@@ -116,7 +116,7 @@ impl Emulate {
         };
         let mut log = self.log.as_ref().map(File::create).transpose()?;
         let began_ns = now_ns();
-        // Jaws that were left holding have held for long when the node comes.
+        // Jaws that were left holding have already held for long when the node starts.
         let passed_ns = match self.holding_n {
             Some(force_n) => {
                 hand.jaws.command(JawCommand::Grasp { force_n });
@@ -139,13 +139,13 @@ impl Emulate {
 }
 
 impl EmulatedHand {
-    /// Hears what came, lets time pass, says how things are; the line for the log.
+    /// Receives commands, advances the time, publishes the states; returns the line for the log.
     fn step(&mut self, now_ns: u64, width_mm: f64) -> Result<String, Box<dyn std::error::Error>> {
         if let Some(command) = self.commands.newest() {
             match command.jaws.as_str() {
                 "hold" => self.jaws.command(JawCommand::Grasp { force_n: command.force_n }),
                 "release" => self.jaws.command(JawCommand::MoveTo { opening_mm: OPEN_MM }),
-                _ => {} // not a word of ours: the jaws stay as they are
+                _ => {} // an unknown command: the jaws stay as they are
             }
         }
         if let Some(command) = self.action.as_mut().and_then(Action::goal) {

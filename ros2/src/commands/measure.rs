@@ -1,10 +1,10 @@
-//! `slipbound-ros2 measure`: the node in a process of its own, cameras and readers in this one.
+//! `slipbound-ros2 measure`: the node in a separate process, cameras and readers in this one.
 //!
 //! ```text
-//!   this process: pictures, stamped --DDS--> slipbound-ros2 node (a second process) --DDS--> reports: this process
+//!   this process: images, stamped --DDS--> slipbound-ros2 node (a second process) --DDS--> reports: this process
 //! ```
 //!
-//! The node's process may be in a network namespace of its own; `ros2/namespaces.sh` makes one, and a link to it.
+//! The node's process may run in a separate network namespace; `ros2/namespaces.sh` makes one, and a link to it.
 
 use super::simulate::jpegs;
 use super::{Done, domain_id};
@@ -22,19 +22,19 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-/// Longest wait for reports to come, or to come again.
+/// Longest wait for the first reports, or for reports after an interruption.
 const LONGEST_WAIT: Duration = Duration::from_secs(30);
 
-/// Longest wait for reports after a link was down: who was given up is announced every 10 s.
+/// Longest wait for reports after a link was down: a participant that was given up is announced every 10 s.
 const LONGEST_RETURN: Duration = Duration::from_secs(120);
 
-/// Time after the first reports before it is measured.
+/// Time after the first reports before the measurement begins.
 const SETTLE: Duration = Duration::from_secs(2);
 
-/// Time for which an end stays away.
+/// Time for which one end is absent.
 const AWAY: Duration = Duration::from_secs(2);
 
-/// What was sent before a link went down has arrived after this long.
+/// Longest travel time of data sent before a link went down.
 const UNDERWAY: Duration = Duration::from_millis(300);
 
 /// The arguments of `slipbound-ros2 measure`.
@@ -63,7 +63,7 @@ pub struct Measure {
     down_s: Vec<u64>,
 }
 
-/// What came of one finger: stamp and arrival, ns since 1970.
+/// Reports received of one finger: stamp and arrival, ns since 1970.
 type Arrivals = Arc<Mutex<Vec<(u64, u64)>>>;
 
 /// Readers of the reports, on threads of their own.
@@ -96,12 +96,12 @@ impl Readers {
         }
     }
 
-    /// Whether nothing has come since it was forgotten.
+    /// Whether nothing has arrived since the last reset.
     fn is_silent(&self) -> bool {
         self.fingers.iter().all(|a| a.lock().unwrap_or_else(PoisonError::into_inner).is_empty())
     }
 
-    /// Waits until every finger has reported again; how long that took from `since`.
+    /// Waits until every finger has reported again; returns the time since `since`.
     fn await_all(&self, since: Instant, longest: Duration, stop: &AtomicBool) -> Result<Duration, String> {
         self.forget();
         while since.elapsed() < longest && !stop.load(Ordering::Relaxed) {
@@ -118,7 +118,7 @@ impl Drop for Readers {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         for thread in self.threads.drain(..) {
-            let _ = thread.join(); // what it has read is there
+            let _ = thread.join(); // what it has read is kept
         }
     }
 }
@@ -143,7 +143,7 @@ fn reader<M: slipbound_ros2::msg::TopicType>(
 /// Cameras on a thread of their own; they end when this is dropped.
 struct Cameras {
     stop: Arc<AtomicBool>,
-    /// Stamps of what was sent, each by every finger, ns since 1970.
+    /// Stamps of the images sent, each by every finger, ns since 1970.
     sent: Arc<Mutex<Vec<u64>>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -167,7 +167,7 @@ impl Cameras {
                 for publisher in &publishers {
                     let header = Header { stamp: Time::from_ns(stamp_ns), frame_id: "measure".into() };
                     let image = CompressedImage { header, format: "jpeg".into(), data: jpeg.clone() };
-                    let _ = publisher.publish(image); // what is not sent is counted as lost
+                    let _ = publisher.publish(image); // an image that is not sent counts as lost
                 }
                 sends.lock().unwrap_or_else(PoisonError::into_inner).push(stamp_ns);
                 due += Duration::from_secs(1) / rate_hz;
@@ -231,7 +231,7 @@ impl Drop for Link<'_> {
     }
 }
 
-/// How busy the computer was, and how this program was built: without these no figure means anything.
+/// CPU load and build profile, without which the figures are meaningless.
 fn machine_load() -> String {
     let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
     let over_1_min = load.split(' ').next().filter(|word| !word.is_empty()).unwrap_or("unknown");
@@ -312,7 +312,7 @@ impl Measure {
         Ok(())
     }
 
-    /// Takes the link down for so long and says when reports come again. It is an error if they never stopped.
+    /// Takes the link down for this time and reports when reports arrive again. It is an error if they never stopped.
     fn cut(link: &Link<'_>, down: Duration, readers: &Readers, stop: &AtomicBool) -> Done {
         link.set("down")?;
         sleep(UNDERWAY);

@@ -35,7 +35,7 @@ pub struct Simulate {
     times: u32,
 }
 
-/// The finger of a scene, and its pictures as the simulated camera sends them: JPEG files.
+/// The finger of a scene, and its images as the simulated camera sends them: JPEG files.
 pub fn jpegs(scene: &str) -> Result<(Sensor, Vec<Vec<u8>>), SettingError> {
     let mut world = World::new(&Trial::parse(scene)?)?;
     let mut frame = FrameBuffer::default();

@@ -1,4 +1,4 @@
-//! `slipbound_msgs`: what grippers and wrists are told and say. Meanings and units are in the `.msg` files.
+//! `slipbound_msgs`: commands and states of grippers and wrists. Meanings and units are in the `.msg` files.
 #![allow(missing_docs)] // said once, in slipbound_msgs/msg/*.msg
 
 use super::standard::Header;

@@ -1,4 +1,4 @@
-//! What the library says as messages: what it does not know is NaN, an empty string or, for times, 0.
+//! The library's reports as messages: unknown values are NaN, an empty string or, for times, 0.
 
 use super::report::{
     Contact, Estimate, Evidence, HandReport, HandSlip, HandVector, Markers, Motion, Shear, Slip, SlipReport,
@@ -11,7 +11,7 @@ use slipbound::plane::Vec2;
 
 const UNKNOWN_PX: [f64; 2] = [f64::NAN; 2];
 
-/// The word that the JSON report has for this value, so that there is one list of them.
+/// The name of this value in the JSON report, so that there is a single list of names.
 fn word(value: impl Serialize) -> String {
     match toml::Value::try_from(value) {
         Ok(toml::Value::String(word)) => word,
@@ -92,7 +92,7 @@ impl From<Option<monitor::EvidenceReport>> for Evidence {
 }
 
 impl SlipReport {
-    /// The report of a picture with this header, number `frame` of the finger's reports.
+    /// The report of an image with this header, number `frame` of the finger's reports.
     pub fn of(header: Header, finger: &str, frame: u64, report: &monitor::SlipReport) -> Self {
         let contact = &report.contact;
         let monitor::MarkerCounts { detected, matched, lost, inner } = report.markers;

@@ -7,56 +7,56 @@ use serde::{Deserialize, Serialize};
 /// `lifecycle_msgs/State`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct LifecycleState {
-    /// 1 unconfigured, 2 inactive, 3 active, 4 finalized; from 10 on those that are passed through.
+    /// 1 unconfigured, 2 inactive, 3 active, 4 finalized; from 10 on transient states.
     pub id: u8,
-    /// The same in a word.
+    /// Its label.
     pub label: String,
 }
 
 /// `lifecycle_msgs/Transition`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct LifecycleTransition {
-    /// Which.
+    /// Its number.
     pub id: u8,
-    /// The same in a word; in a request it counts before the number, unless it is empty.
+    /// Its label; in a request it has priority over the number, unless it is empty.
     pub label: String,
 }
 
 /// `lifecycle_msgs/TransitionDescription`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct TransitionDescription {
-    /// Which.
+    /// The transition.
     pub transition: LifecycleTransition,
-    /// From here.
+    /// Start state.
     pub start_state: LifecycleState,
-    /// To here.
+    /// Goal state.
     pub goal_state: LifecycleState,
 }
 
 /// `lifecycle_msgs/TransitionEvent`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct TransitionEvent {
-    /// When, ns since 1970.
+    /// Time, ns since 1970.
     pub timestamp: u64,
-    /// What has happened.
+    /// The transition.
     pub transition: LifecycleTransition,
-    /// From here.
+    /// Start state.
     pub start_state: LifecycleState,
-    /// To here.
+    /// Goal state.
     pub goal_state: LifecycleState,
 }
 
 /// The request of `lifecycle_msgs/ChangeState`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct ChangeStateRequest {
-    /// What is to happen.
+    /// The requested transition.
     pub transition: LifecycleTransition,
 }
 
 /// The answer of `lifecycle_msgs/ChangeState`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct ChangeStateResponse {
-    /// Whether it was done.
+    /// Whether it succeeded.
     pub success: bool,
 }
 
@@ -98,7 +98,7 @@ impl From<Transition> for TransitionDescription {
 }
 
 impl TransitionEvent {
-    /// What has happened at this time, ns since 1970.
+    /// The event of this transition at this time, ns since 1970.
     pub fn of(transition: Transition, timestamp: u64) -> Self {
         let TransitionDescription { transition, start_state, goal_state } = transition.into();
         TransitionEvent { timestamp, transition, start_state, goal_state }

@@ -1,4 +1,4 @@
-//! `slipbound_msgs`: what is said of frames and hands. Meanings and units are in the `.msg` files.
+//! `slipbound_msgs`: reports of frames and hands. Meanings and units are in the `.msg` files.
 #![allow(missing_docs)] // said once, in slipbound_msgs/msg/*.msg
 
 use super::standard::Header;

@@ -13,13 +13,13 @@ pub struct Time {
 }
 
 impl Time {
-    /// The time as nanoseconds; None for 0, which is how ROS says that there is none, and before 1970.
+    /// The time as nanoseconds; None for 0, which means "no time" in ROS, and before 1970.
     pub fn ns(self) -> Option<u64> {
         let ns = u64::try_from(self.sec).ok()? * 1_000_000_000 + u64::from(self.nanosec);
         (ns > 0).then_some(ns)
     }
 
-    /// Nanoseconds as a time; after January 2038 the latest there is.
+    /// Nanoseconds as a time; after January 2038 the latest representable one.
     pub fn from_ns(ns: u64) -> Self {
         match i32::try_from(ns / 1_000_000_000) {
             Ok(sec) => Time { sec, nanosec: (ns % 1_000_000_000) as u32 },
@@ -31,18 +31,18 @@ impl Time {
 /// `std_msgs/Header`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Header {
-    /// When.
+    /// The time.
     pub stamp: Time,
-    /// In which frame of reference.
+    /// The frame of reference.
     pub frame_id: String,
 }
 
 /// `sensor_msgs/CompressedImage`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct CompressedImage {
-    /// When it was exposed, by which camera.
+    /// Exposure time and frame of the camera.
     pub header: Header,
-    /// How it is compressed; the bytes are asked, not this.
+    /// Compression; the format is detected from the bytes instead.
     pub format: String,
     /// A JPEG or PNG file.
     #[serde(with = "serde_bytes")]
@@ -52,17 +52,17 @@ pub struct CompressedImage {
 /// `sensor_msgs/Image`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Image {
-    /// When it was exposed, by which camera.
+    /// Exposure time and frame of the camera.
     pub header: Header,
     /// Rows.
     pub height: u32,
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: u32,
-    /// Layout of a pixel, `rgb8` say.
+    /// Layout of a pixel, e.g. `rgb8`.
     pub encoding: String,
-    /// Whether numbers of more than a byte have the largest byte first.
+    /// Whether multi-byte numbers are big-endian.
     pub is_bigendian: u8,
-    /// Bytes a row.
+    /// Bytes per row.
     pub step: u32,
     /// The rows.
     #[serde(with = "serde_bytes")]
@@ -72,7 +72,7 @@ pub struct Image {
 /// `sensor_msgs/JointState`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct JointState {
-    /// When.
+    /// Time.
     pub header: Header,
     /// Names of the joints.
     pub name: Vec<String>,
@@ -107,7 +107,7 @@ pub struct Wrench {
 /// `geometry_msgs/WrenchStamped`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct WrenchStamped {
-    /// When, in which frame.
+    /// Time and frame.
     pub header: Header,
     /// Force and torque.
     pub wrench: Wrench,
@@ -116,22 +116,22 @@ pub struct WrenchStamped {
 /// `diagnostic_msgs/KeyValue`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct KeyValue {
-    /// What.
+    /// Name.
     pub key: String,
-    /// How much.
+    /// Value.
     pub value: String,
 }
 
 /// `diagnostic_msgs/DiagnosticStatus`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct DiagnosticStatus {
-    /// 0 all is well, 1 a warning, 2 an error, 3 stale.
+    /// 0 ok, 1 a warning, 2 an error, 3 stale.
     pub level: u8,
-    /// Who.
+    /// Name of the component.
     pub name: String,
-    /// In words.
+    /// Description.
     pub message: String,
-    /// Which hardware.
+    /// The hardware.
     pub hardware_id: String,
     /// Numbers.
     pub values: Vec<KeyValue>,
@@ -140,25 +140,25 @@ pub struct DiagnosticStatus {
 /// `diagnostic_msgs/DiagnosticArray`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct DiagnosticArray {
-    /// When.
+    /// Time.
     pub header: Header,
     /// One for each part.
     pub status: Vec<DiagnosticStatus>,
 }
 
-/// A message without fields, which has one byte in it all the same: the request of a trigger.
+/// A message without fields, which still has one byte: the request of a trigger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Empty {
-    /// What ROS 2 puts where there is nothing.
+    /// Placeholder that ROS 2 inserts in an empty message.
     pub structure_needs_at_least_one_member: u8,
 }
 
 /// The answer of `std_srvs/Trigger`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct TriggerResponse {
-    /// Whether it was done.
+    /// Whether it succeeded.
     pub success: bool,
-    /// In words.
+    /// Description.
     pub message: String,
 }
 
@@ -167,7 +167,7 @@ pub struct TriggerResponse {
 pub struct GripperCommandGoal {
     /// Where the jaws should go, m or rad: the unit of the joint.
     pub position: f64,
-    /// Most effort on the way and there, N.
+    /// Maximum effort during the motion and at its end, N.
     pub max_effort: f64,
 }
 
@@ -180,7 +180,7 @@ pub struct GripperCommandResult {
     pub effort: f64,
     /// Whether they push against something.
     pub stalled: bool,
-    /// Whether they are where they should be.
+    /// Whether they have reached the goal.
     pub reached_goal: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What the node does when its state changes, on request or by itself.
+//! Actions of the node when its state changes, on request or by itself.
 
 use super::{LOOK, SlipNode, hand};
 use crate::finger_thread::Ask;
@@ -9,11 +9,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-/// For how long a node that is shut down stays on the network, so that its last words arrive.
+/// For how long a node that is shut down stays on the network, so that its last messages arrive.
 const LEAVE: Duration = Duration::from_millis(500);
 
 impl SlipNode {
-    /// Answers what is asked about the state, and does what is asked of it.
+    /// Answers requests for the state, and executes requested transitions.
     pub(super) fn serve_states(&mut self) {
         self.joined.managed.answer(&self.lifecycle);
         while let Some((id, asked)) = self.joined.managed.request() {
@@ -37,11 +37,11 @@ impl SlipNode {
         self.joined.managed.say(self.lifecycle.state());
     }
 
-    /// Goes on, and says so, where the rest frames are known, or have been waited for long enough.
+    /// Proceeds, and publishes it, once the rest frames are known or the wait is over.
     pub(super) fn settle(&mut self) {
         let has_rest = self.fingers.iter().all(|finger| finger.has_rest);
         let is_late = self.asked.is_some_and(|(_, since_ns)| now_ns().saturating_sub(since_ns) >= LONGEST_NS);
-        // A node that starts itself goes on without a camera that does not come: the hand is blind for that finger.
+        // A node that starts itself proceeds without a missing camera: the hand is blind for that finger.
         let waited = self.rest_since_ns.is_some_and(|since_ns| now_ns().saturating_sub(since_ns) >= LONGEST_NS);
         match self.lifecycle.state() {
             State::Unconfigured if self.starts_itself && (has_rest || waited) => {
@@ -71,7 +71,7 @@ impl SlipNode {
         }
     }
 
-    /// Ends what was asked for, says where that led, and answers.
+    /// Ends the transition in progress, publishes the result, and answers.
     fn finish(&mut self, is_well: bool) {
         self.end(is_well);
         self.say_state();
@@ -89,7 +89,7 @@ impl SlipNode {
         self.joined.managed.tell(ended);
     }
 
-    /// Forgets the rest frames and whatever rests on them; a tare under way ends.
+    /// Forgets the rest frames and everything based on them; a tare in progress ends.
     fn forget(&mut self) {
         self.forgotten_count += 1;
         self.ask_fingers(Ask::Forget);
@@ -100,7 +100,7 @@ impl SlipNode {
             }
         }
         if let Ok(hand) = hand(&self.config) {
-            self.hand = hand; // it was made of the same at the start
+            self.hand = hand; // the same configuration was valid at the start
         }
         self.is_fresh.fill(false);
         self.fresh_since_ns = None;
@@ -108,11 +108,11 @@ impl SlipNode {
 
     fn ask_fingers(&self, ask: Ask) {
         for finger in &self.fingers {
-            let _ = finger.asks.send(ask); // a thread that has broken down does not answer: `settle` stops waiting
+            let _ = finger.asks.send(ask); // a panicked thread does not answer: `settle` stops waiting
         }
     }
 
-    /// Stays to answer for a moment; the fingers judge no more.
+    /// Stays on the network for a moment to answer; the fingers no longer judge.
     pub(super) fn take_leave(&mut self, stop: &AtomicBool) {
         self.shared.stop.store(true, Ordering::Relaxed);
         let until = Instant::now() + LEAVE;

@@ -1,4 +1,4 @@
-//! A control loop whose gripper and wrist are nodes in other processes, which are killed and come back.
+//! A control loop whose gripper and wrist are nodes in other processes, which are killed and restarted.
 
 use crate::process::{LONGEST_WAIT, Process, domain_id};
 use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleView, FaultKind};
@@ -26,14 +26,14 @@ use std::time::{Duration, Instant};
 /// The force of the loop, N per finger.
 const FORCE_N: f64 = 20.0;
 
-/// Longest time for which a wrist may move on after its loop has a fault: the silence that is one, a cycle, its time to
-/// live, and a little for a busy computer.
+/// Longest time for which a wrist may still move after its loop has a fault: the silence that counts as one, a cycle,
+/// its time to live, and some margin for a busy computer.
 const WRIST: Duration = Duration::from_millis(900);
 
 /// A finger that feels nothing until the jaws hold, and the same object from then on.
 struct Finger {
     frames: Vec<FrameBuffer>,
-    /// Frames before anything touches.
+    /// Frames before the contact.
     open_count: usize,
     holds: Arc<AtomicBool>,
     next: usize,
@@ -51,7 +51,7 @@ impl FrameSource for Finger {
         if !holds && self.next >= self.open_count {
             self.next = 0;
         } else if self.next >= self.frames.len() {
-            self.next = self.frames.len() - 8; // eight frames of the held object, over and over
+            self.next = self.frames.len() - 8; // eight frames of the held object, repeated
         }
         Ok(Next::Frame)
     }
@@ -69,7 +69,7 @@ fn finger(holds: Arc<AtomicBool>) -> FingerPipeline {
     FingerPipeline::new("left", Mounting::on(Side::Left), sensor, Settings::default(), Box::new(source))
 }
 
-/// What was seen of the loop.
+/// Observations of the loop.
 #[derive(Clone, Default)]
 struct Seen {
     fault: Option<FaultKind>,
@@ -78,7 +78,7 @@ struct Seen {
     cycles_count: u32,
 }
 
-/// Looks on, and tells the finger whether the jaws hold.
+/// An observer that tells the simulated finger whether the jaws hold.
 struct Observer {
     seen: Arc<Mutex<Seen>>,
     holds: Arc<AtomicBool>,
@@ -144,7 +144,7 @@ impl Loop {
         let (seen, stop) = (Arc::new(Mutex::new(Seen::default())), Arc::new(AtomicBool::new(false)));
         let (looks, stops) = (seen.clone(), stop.clone());
         let thread = thread::spawn(move || {
-            // The nodes are found before the loop begins: its patience is for what goes away.
+            // The nodes are discovered before the loop begins: its patience is for links lost later.
             let began = Instant::now();
             while (gripper.poll().is_err() || wrist.poll().is_err()) && began.elapsed() < LONGEST_WAIT {
                 sleep(Duration::from_millis(10));
@@ -211,7 +211,7 @@ impl Nodes {
         self.gripper = None;
     }
 
-    /// The jaws were left holding.
+    /// Restarts the gripper; its jaws were left holding.
     fn gripper_again(&mut self, domain_id: u16, more: &[&str]) {
         let (log, force) = (self.again_log.to_str().expect("UTF-8"), FORCE_N.to_string());
         let args = ["emulate", "--base", "/one", "--log", log, "--holding-n", &force];
@@ -219,7 +219,7 @@ impl Nodes {
     }
 }
 
-/// Kills the gripper's node while the loop lifts, and brings it back.
+/// Kills the gripper's node while the loop lifts, and restarts it.
 fn vanish_and_return(mut nodes: Nodes, control: Loop, domain_id: u16, more: &[&str]) {
     await_that("it lifts", LONGEST_WAIT, || control.seen().is_lifting && moves(&nodes.wrist_log));
     nodes.kill_gripper();
@@ -285,11 +285,11 @@ fn a_gripper_that_nobody_is_says_so() {
     assert_eq!(told.kind, GripperErrorKind::Value);
 }
 
-/// The namespace and the device that `ros2/namespaces.sh` makes.
+/// The namespace and the device made by `ros2/namespaces.sh`.
 pub const THERE: &str = "slipbound-there";
 const LINK: &str = "finger0";
 
-/// Held by whoever cuts the link: there is one.
+/// Held by the test that cuts the link: there is only one.
 pub static CUTS: Mutex<()> = Mutex::new(());
 
 pub fn set_link(to: &str) {

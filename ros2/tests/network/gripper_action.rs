@@ -1,4 +1,4 @@
-//! What a gripper behind an action knows of its last goal, when the server is late, silent, or begins anew.
+//! State of a gripper behind an action when the server is late, silent, or restarted.
 
 use crate::process::{LONGEST_WAIT, domain_id};
 use ros2_client::action::{ActionServer, ActionServerQosPolicies, SendGoalResponse};
@@ -16,10 +16,10 @@ use std::time::{Duration, Instant};
 /// Time between two cycles.
 const CYCLE: Duration = Duration::from_millis(33);
 
-/// After what time a goal of so many newtons is answered; None: never.
+/// Delay of the answer to a goal of this force, N; None: never.
 type Answers = fn(f64) -> Option<Duration>;
 
-/// A server that takes every goal at once and answers when it likes. Its joint says the same all the time.
+/// A server that executes every goal at once and answers after a delay. Its joint state is constant.
 struct Server {
     stop: Arc<AtomicBool>,
     goals_n: Arc<Mutex<Vec<f64>>>,
@@ -93,7 +93,7 @@ fn config(name: &str) -> ActionGripperConfig {
     }
 }
 
-/// A cycle of a loop that holds with this force: it commands where the gripper has no fault.
+/// A cycle of a loop that holds with this force: it commands while the gripper has no fault.
 fn cycle(gripper: &mut ActionGripper, force_n: f64) -> Result<GripperState, GripperErrorKind> {
     sleep(CYCLE);
     let state = gripper.poll().map_err(|e| e.kind)?;
@@ -101,7 +101,7 @@ fn cycle(gripper: &mut ActionGripper, force_n: f64) -> Result<GripperState, Grip
     Ok(state)
 }
 
-/// Cycles until the gripper says that this is its target; what it said up to then.
+/// Cycles until the gripper reports this target; returns its results up to then.
 fn hold(gripper: &mut ActionGripper, force_n: f64) -> Vec<Result<Option<f64>, GripperErrorKind>> {
     let (mut said, until) = (Vec::new(), Instant::now() + LONGEST_WAIT);
     while said.last() != Some(&Ok(Some(force_n))) {
@@ -113,14 +113,14 @@ fn hold(gripper: &mut ActionGripper, force_n: f64) -> Vec<Result<Option<f64>, Gr
 
 #[test]
 fn a_goal_that_may_hold_no_longer_is_sent_again() {
-    // The domain of a test that only looks for nobody: other names do not meet it.
+    // The domain of a test that only looks for absent nodes: other names do not interfere with it.
     let (name, domain_id) = ("doubted", domain_id(5));
     let mut ros = Ros::new("/", "test_doubted", domain_id).expect("joins");
     let mut gripper = ActionGripper::new(&mut ros, config(name)).expect("an action");
     let late: Answers = |force_n| Some(Duration::from_millis(if force_n == 15.0 { 700 } else { 0 }));
     let server = Server::start(name, domain_id, late);
     hold(&mut gripper, 20.0);
-    // 15 N are on and nobody has said so: the next command must not believe the goal before.
+    // 15 N are executed without an answer: the next command must not rely on the goal before.
     let began = Instant::now();
     let fault = loop {
         match cycle(&mut gripper, 15.0) {
@@ -133,7 +133,7 @@ fn a_goal_that_may_hold_no_longer_is_sent_again() {
     let said = hold(&mut gripper, 20.0);
     assert_eq!(said[0], Ok(None), "nobody knows what holds: {said:?}");
     assert_eq!(server.goals_n().last(), Some(&20.0));
-    // Another server, which knows of no goal.
+    // Another server, without any goal.
     drop(server);
     let began = Instant::now();
     while cycle(&mut gripper, 20.0) != Err(GripperErrorKind::Link) {
@@ -143,7 +143,7 @@ fn a_goal_that_may_hold_no_longer_is_sent_again() {
     let said = hold(&mut gripper, 20.0);
     assert!(said[..said.len() - 1].iter().all(|said| !matches!(said, Ok(Some(_)))), "no target: {said:?}");
     assert_eq!(server.goals_n().last(), Some(&20.0));
-    // What holds for sure is not sent again.
+    // A goal that is certain to hold is not sent again.
     let sent_count = server.goals_n().len();
     (0..15).for_each(|_| assert_eq!(cycle(&mut gripper, 20.0).expect("no fault").target_n, Some(20.0)));
     assert_eq!(server.goals_n().len(), sent_count);
@@ -167,7 +167,7 @@ fn a_force_that_changes_in_every_cycle_waits_for_answers_too() {
     hold(&mut gripper, force_n);
     assert!(server.goals_n().len() < 60, "one at a time: {:?}", server.goals_n());
     assert_eq!(server.goals_n().last(), Some(&force_n), "the newest comes last");
-    // Nobody answers any more: that is a fault, and it lasts.
+    // No answers any more: that is a fault, and it lasts.
     let (mut faults, mut sent_from) = (Vec::new(), 40.0);
     let began = Instant::now();
     while began.elapsed() < Duration::from_secs(3) {
@@ -180,7 +180,7 @@ fn a_force_that_changes_in_every_cycle_waits_for_answers_too() {
     assert!(faults.iter().all(|(kind, _)| *kind == GripperErrorKind::Unanswered), "{faults:?}");
     let first = faults.first().expect("a fault").1;
     assert!(first < Duration::from_millis(1500), "{first:?}");
-    // The loop takes a fault for past half a second after it was told last.
+    // The loop clears a fault half a second after it was last reported.
     let longest = faults.windows(2).map(|two| two[1].1 - two[0].1).max().expect("it is told again");
     assert!(longest < Duration::from_millis(450), "{faults:?}");
 }

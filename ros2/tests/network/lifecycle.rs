@@ -1,4 +1,4 @@
-//! A node that waits to be told, through all its states.
+//! A node that is managed through all its states.
 
 use crate::control::{CUTS, THERE, set_link};
 use crate::node::{Bench, REST_COUNT, show, simulated};
@@ -24,7 +24,7 @@ where
     ros.node().create_client(ServiceMapping::Enhanced, &name, &kind, RELIABLE, RELIABLE).expect("a client")
 }
 
-/// Asks, and does something until there is an answer.
+/// Sends a request and repeats an action until there is an answer.
 fn ask<Request, Response>(client: &Client<Request, Response>, request: Request, mut meanwhile: impl FnMut()) -> Response
 where
     Request: Message + Clone + 'static,
@@ -47,7 +47,7 @@ fn pause() {
     sleep(Duration::from_millis(5));
 }
 
-/// The node as somebody sees it who manages it.
+/// The node as its manager sees it.
 struct Manager {
     bench: Bench,
     change_state: Client<ChangeStateRequest, ChangeStateResponse>,
@@ -69,7 +69,7 @@ impl Manager {
         }
     }
 
-    /// Asks for a transition; whether it was done.
+    /// Requests a transition; returns whether it succeeded.
     fn change(&mut self, id: u8, label: &str, meanwhile: impl FnMut(&mut Bench, &mut Inbox<LifecycleState>)) -> bool {
         let request = ChangeStateRequest { transition: LifecycleTransition { id, label: label.into() } };
         let (bench, states, mut meanwhile) = (&mut self.bench, &mut self.states, meanwhile);
@@ -78,13 +78,13 @@ impl Manager {
         answer.success
     }
 
-    /// Asks for what is done at once, and sees it told.
+    /// Requests an immediate transition, and checks that it is published.
     fn go(&mut self, id: u8, label: &str, to: &str) {
         assert!(self.change(id, label, |_, _| pause()), "{id} {label}");
         self.is_told(to);
     }
 
-    /// The answer comes when the rest frame is known: not before pictures are shown.
+    /// The answer arrives when the rest frame is known, not before images are shown.
     fn configure(&mut self) {
         let mut at_rest = simulated().1.iter().take(REST_COUNT).cycle();
         let mut was_told = false;
@@ -97,14 +97,14 @@ impl Manager {
         self.is_told("inactive");
     }
 
-    /// The state is told on the topic and on request.
+    /// The state is published on the topic and returned on request.
     fn is_told(&mut self, label: &str) {
         let state = next(&mut self.states, LONGEST_WAIT).expect("a state");
         assert_eq!(state.label, label);
         assert_eq!(ask(&self.get_state, Empty::default(), pause).current_state, state);
     }
 
-    /// Shows pictures of the untouched finger; the reports that come.
+    /// Shows images of the untouched finger; returns the reports.
     fn show(&mut self, count: usize) -> Vec<SlipReport> {
         while next(&mut self.bench.reports, Duration::from_millis(300)).is_some() {}
         for shot in simulated().1.iter().take(REST_COUNT).cycle().take(count) {
@@ -183,7 +183,7 @@ fn the_state_stays_where_the_network_is_joined_anew() {
     set_link("down");
     sleep(Duration::from_secs(75));
     set_link("up");
-    manager.is_told("inactive"); // once more: the node has joined anew
+    manager.is_told("inactive"); // again: the node has joined again
     manager.bench.await_node();
     assert!(manager.show(5).is_empty(), "judged, not published");
     manager.go(3, "", "active");

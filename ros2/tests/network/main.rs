@@ -1,4 +1,4 @@
-//! The node in a process of its own, over loopback, in a domain of each test's own.
+//! The node in a separate process, over loopback; each test has its own domain.
 
 mod control;
 mod gripper_action;

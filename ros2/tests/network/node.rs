@@ -1,4 +1,4 @@
-//! Pictures in, reports out.
+//! Images in, reports out.
 
 use crate::process::{LONGEST_WAIT, Process, domain_id, next};
 use ros2_client::{Publisher, ServiceMapping, ServiceTypeName};
@@ -22,25 +22,25 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Time between two pictures.
+/// Time between two images.
 const PERIOD: Duration = Duration::from_millis(33);
 
-/// The first stamp, ns since 1970; pictures carry the simulated camera's time from there.
+/// The first stamp, ns since 1970; images carry the simulated camera's time relative to it.
 const BEGIN_NS: u64 = 1_700_000_000_000_000_000;
 
 const SCENE: &str =
     "shear?distance_mm=3&speed_mm_per_s=10&grid=fast&rest_frames=24&press_s=0.2&settle_s=0.1&jpeg_quality=75";
 
-/// Pictures from which the rest frame is chosen: `rest.window_count`.
+/// Number of images from which the rest frame is chosen: `rest.window_count`.
 pub const REST_COUNT: usize = 20;
 
-/// A picture of the simulated camera: JPEG and time.
+/// An image of the simulated camera: JPEG and time.
 pub struct Shot {
     jpeg: Vec<u8>,
     time_ns: u64,
 }
 
-/// The simulated finger and its pictures, made once.
+/// The simulated finger and its images, made once.
 pub fn simulated() -> &'static (Sensor, Vec<Shot>) {
     static SIMULATED: OnceLock<(Sensor, Vec<Shot>)> = OnceLock::new();
     SIMULATED.get_or_init(|| {
@@ -54,7 +54,7 @@ pub fn simulated() -> &'static (Sensor, Vec<Shot>) {
     })
 }
 
-/// What the library says of these pictures, by their numbers.
+/// The library's reports on these images, by their numbers.
 fn said(shots: &[(u64, &Shot)]) -> Vec<slipbound::monitor::SlipReport> {
     let (settings, sensor) = (Settings::default(), &simulated().0);
     let mut finder = None;
@@ -78,7 +78,7 @@ fn said(shots: &[(u64, &Shot)]) -> Vec<slipbound::monitor::SlipReport> {
     reports
 }
 
-/// The node and what is joined to it.
+/// The node and its connections.
 pub struct Bench {
     pub ros: Ros,
     images: Publisher<CompressedImage>,
@@ -93,7 +93,7 @@ impl Bench {
         Bench::with(test, more, "")
     }
 
-    /// With more parameters of the node and of its finger.
+    /// With additional parameters of the node and of its finger.
     pub fn with(test: u16, more: &str, of_finger: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let hand =
@@ -101,7 +101,7 @@ impl Bench {
         let sensor = slipbound_rig::sensors::to_toml(&simulated().0).expect("TOML");
         std::fs::write(folder.path().join("left.toml"), sensor).expect("writes");
         std::fs::write(folder.path().join("hand.toml"), hand).expect("writes");
-        // Reliable, so that every picture is judged and the comparison has no gaps.
+        // Reliable, so that every image is judged and the comparison has no gaps.
         let node = format!(
             "hand = \"hand.toml\"\nimage_qos = \"reliable\"\n{more}\n\
              [[fingers]]\nname = \"left\"\nimage_topic = \"/left/image/compressed\"\n{of_finger}\n"
@@ -115,7 +115,7 @@ impl Bench {
         Bench { ros, images, reports, folder, config, domain_id }
     }
 
-    /// Adds a finger to hand and node, whose camera nobody is yet.
+    /// Adds a finger to hand and node, whose camera does not exist yet.
     fn add_finger(&self) {
         let add = |path: &std::path::Path, text: &str| {
             let before = std::fs::read_to_string(path).expect("readable");
@@ -137,7 +137,7 @@ impl Bench {
         self.images.publish(image).expect("sent");
     }
 
-    /// Waits for the node to be matched: shows it an empty picture until it counts one.
+    /// Waits for the node to be matched: sends empty images until it counts one.
     pub fn await_node(&mut self) {
         let mut diagnostics: Inbox<DiagnosticArray> = self.ros.inbox("/diagnostics", &RELIABLE).expect("an inbox");
         let until = Instant::now() + LONGEST_WAIT;
@@ -155,7 +155,7 @@ impl Bench {
     }
 }
 
-/// All numbers, and what is not a number is none in both.
+/// All numbers are equal, or NaN in both.
 fn same(a: &SlipReport, b: &SlipReport) -> bool {
     format!("{a:?}") == format!("{b:?}")
 }
@@ -183,7 +183,7 @@ fn reports_are_field_by_field_what_the_library_says_of_the_same_pictures() {
             assert_eq!(state, Some((3, "active".into())));
         }
         bench.send(shot);
-        // The next is sent when this one was judged: nothing is passed over, however busy the computer is.
+        // The next is sent when this one was judged: nothing is skipped, however busy the computer is.
         match i < REST_COUNT {
             true => sleep(PERIOD),
             false => got.extend(next(&mut bench.reports, LONGEST_WAIT)),
@@ -213,7 +213,7 @@ fn reports_are_field_by_field_what_the_library_says_of_the_same_pictures() {
     assert_eq!(events.collect::<Vec<_>>(), [1, 10, 3, 30], "it has configured and activated itself");
 }
 
-/// Sends a picture at the camera's pace, with a stamp later than that of any before, whatever is shown.
+/// Sends an image at the camera's rate, with a stamp later than all before.
 pub fn show(bench: &Bench, shot: &Shot) {
     static BEGAN: OnceLock<Instant> = OnceLock::new();
     let passed = BEGAN.get_or_init(Instant::now).elapsed();
@@ -262,7 +262,7 @@ fn tare_through(test: u16, key: &str, mapping: ServiceMapping) {
     let (_, shots) = simulated();
     let at_rest: Vec<&Shot> = shots.iter().take(REST_COUNT).collect();
     let touched = shots.last().expect("shots");
-    // Asks, and shows pictures until there is an answer.
+    // Sends the request, and shows images until there is an answer.
     let ask = |bench: &mut Bench, jpegs: &[&Shot]| {
         let id = tare.send_request(Empty::default()).expect("sent");
         let until = Instant::now() + LONGEST_WAIT;
@@ -279,7 +279,7 @@ fn tare_through(test: u16, key: &str, mapping: ServiceMapping) {
     };
     let early = ask(&mut bench, &[touched]);
     assert!(!early.success && early.message.contains("not known yet"), "{early:?}");
-    // The rest frame is found among untouched pictures: those in contact were too few to fill the window.
+    // The rest frame is found among untouched images: those in contact were too few to fill the window.
     let began = Instant::now();
     for shot in at_rest.iter().cycle() {
         show(&bench, shot);
@@ -290,7 +290,7 @@ fn tare_through(test: u16, key: &str, mapping: ServiceMapping) {
     }
     let done = ask(&mut bench, &at_rest);
     assert!(done.success && done.message == "left: tared", "{done:?}");
-    // A camera that stands still in the middle of a tare: what was answered as failed does not take effect with the next pictures.
+    // A camera that stops in the middle of a tare: a tare answered as failed must not take effect with the next images.
     let id = tare.send_request(Empty::default()).expect("sent");
     at_rest.iter().take(3).for_each(|shot| show(&bench, shot));
     let until = Instant::now() + LONGEST_WAIT;
@@ -340,7 +340,7 @@ fn a_node_that_was_killed_is_found_again_and_a_camera_too() {
     let _second = bench.node();
     let report = report_of(&mut bench);
     assert_eq!(report.frame, 0, "a new node counts anew");
-    // A camera that is gone and comes back as another writer: numbers go on, and what came after is judged.
+    // A camera that is gone and returns as another writer: numbers continue, and later images are judged.
     let before = report_of(&mut bench);
     bench.images = Ros::new("/", "test_again", bench.domain_id)
         .and_then(|mut ros| ros.publisher("/left/image/compressed", &RELIABLE))
@@ -361,7 +361,7 @@ fn reports_begin_when_the_node_is_active_and_a_camera_that_never_comes_does_not_
     assert_eq!(next(&mut states, LONGEST_WAIT).map(|state| state.label).as_deref(), Some("unconfigured"));
     let mut at_rest = simulated().1.iter().take(REST_COUNT).cycle();
     let (began, mut early_count) = (Instant::now(), 0);
-    // The rest frame of the left finger is known after REST_COUNT pictures; the right one has no camera.
+    // The rest frame of the left finger is known after REST_COUNT images; the right one has no camera.
     let active = loop {
         early_count += std::iter::from_fn(|| bench.reports.take().expect("readable")).count();
         if let Some(state) = next(&mut states, Duration::ZERO) {
@@ -372,7 +372,7 @@ fn reports_begin_when_the_node_is_active_and_a_camera_that_never_comes_does_not_
     };
     assert_eq!((active.id, active.label.as_str()), (3, "active"));
     assert!(began.elapsed() >= Duration::from_secs(4), "it waits for the right finger: {:?}", began.elapsed());
-    // A report may overtake the state by a picture or two.
+    // A report may overtake the state by an image or two.
     assert!(early_count <= 2, "{early_count} reports of a node that was unconfigured");
     let mut left = None;
     let until = Instant::now() + LONGEST_WAIT;
@@ -383,7 +383,7 @@ fn reports_begin_when_the_node_is_active_and_a_camera_that_never_comes_does_not_
     assert!(left.is_some(), "the left finger reports");
     let hand = next(&mut hands, LONGEST_WAIT).expect("a report of the hand");
     assert_eq!(hand.health[1], "blind", "{:?}", hand.health);
-    // The camera comes after all.
+    // The camera appears after all.
     let mut reports: Inbox<SlipReport> = bench.ros.inbox("/slipbound/right/report", &RELIABLE).expect("an inbox");
     bench.images = bench.ros.publisher("/right/image/compressed", &RELIABLE).expect("a publisher");
     let until = Instant::now() + LONGEST_WAIT;

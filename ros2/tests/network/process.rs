@@ -1,4 +1,4 @@
-//! Processes of the node, and what is received from them.
+//! Processes of the node, and messages received from them.
 
 use slipbound_ros2::msg::TopicType;
 use slipbound_ros2::ros::Inbox;
@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Longest wait for anything: a busy computer's discovery takes seconds.
+/// Longest wait for anything: discovery takes seconds on a busy computer.
 pub const LONGEST_WAIT: Duration = Duration::from_secs(40);
 
 /// A process of `slipbound-ros2`; killed when dropped.
@@ -33,7 +33,7 @@ impl Process {
         Process::start(&["node", config.to_str().expect("UTF-8")], domain_id)
     }
 
-    /// Whether it has ended by itself, and well.
+    /// Whether it has ended by itself, successfully.
     pub fn has_ended_well(&mut self) -> bool {
         self.0.try_wait().expect("known").is_some_and(|status| status.success())
     }
@@ -61,8 +61,8 @@ pub fn next<M: TopicType>(inbox: &mut Inbox<M>, longest: Duration) -> Option<M> 
     }
 }
 
-/// Every process of tests and every test its own domain, so that nobody hears another: 1 to 88, whose ports lie below those
-/// that the system gives away.
+/// A separate domain for every test process and every test, so that none receives another's data: 1 to 88, whose ports
+/// lie below the ephemeral ports.
 pub fn domain_id(test: u16) -> u16 {
     assert!(test < 11, "a test of a number that is taken");
     1 + (std::process::id() % 8) as u16 * 11 + test

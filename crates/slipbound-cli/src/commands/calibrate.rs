@@ -1,4 +1,4 @@
-//! `slipbound calibrate`: the sensor file of an unknown finger from pictures of it; its shear stiffness from a weight.
+//! `slipbound calibrate`: the sensor file of an unknown finger from images of it; its shear stiffness from a weight.
 
 mod args;
 
@@ -114,7 +114,7 @@ impl Calibrate {
         ))
     }
 
-    /// The shear stiffness from the mass that hangs on the finger, put into its sensor file.
+    /// Puts the shear stiffness, from the mass that hangs on the finger, into its sensor file.
     fn hanging_mass(&self, mass_g: f64) -> Result<Outcome, Failure> {
         if !(mass_g > 0.0 && mass_g <= HEAVIEST_G) {
             return Err(Failure::Arguments(anyhow!(

@@ -54,7 +54,7 @@ impl Convert {
         let (frames, lines, files) = (converted.frames_count, converted.lines_count, converted.files_count);
         terminal.say(&format!("{}: {frames} frames, {lines} lines, {files} other files", to.display()))?;
         converted.left_out.iter().for_each(|what| terminal.note(&format!("left out: {what}")));
-        // What follows from the rest is no loss.
+        // Parts that follow from the rest are no loss.
         let is_whole = converted.left_out.iter().all(|what| what.contains("follow from"));
         Ok(if is_whole { Outcome::Done } else { Outcome::DataLost })
     }

@@ -28,7 +28,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// How a run went, its score, its last time in ns, what the task was doing then, and what it waited for.
+/// The outcome of a run: its score, its last time in ns, what the task was doing then, and what it waited for.
 type Ran = (anyhow::Result<()>, RunScore, u64, Option<Phase>, Option<Missing>);
 
 /// What the task was doing last.
@@ -160,7 +160,7 @@ impl Demo {
         }
     }
 
-    /// Cycle after cycle of the simulated hand, as fast as it goes.
+    /// Runs the cycles of the simulated hand as fast as possible.
     fn in_lock_step(
         &self,
         scene: &HandScene,
@@ -182,7 +182,7 @@ impl Demo {
         Ok((ran.map_err(Into::into), score, lockstep.hand().now_ns(), last.0, missing))
     }
 
-    /// The recording in one file that was asked for.
+    /// The recording in one file that was requested.
     fn recorder(&self, info: &RunInfo) -> Result<Option<Recorder>, Failure> {
         let Some(Some(path)) = &self.record else { return Ok(None) };
         inputs::refuse_recording("--record", path, &[], &[self.settings.as_deref()])?;

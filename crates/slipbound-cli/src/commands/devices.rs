@@ -14,7 +14,7 @@ pub struct Devices {
 }
 
 impl Devices {
-    /// Lists them; a computer without any is no failure.
+    /// Lists them; a computer without any is not a failure.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let (cameras, refused) = devices::cameras();
         let lines = devices::serial_lines();

@@ -1,4 +1,4 @@
-//! `slipbound doctor`: is everything there that a hand needs? A line for each, good or with what to do.
+//! `slipbound doctor`: checks everything that a hand needs. One line for each, good or with what to do.
 
 mod finding;
 mod finger;
@@ -21,13 +21,13 @@ use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::Duration;
 
-/// Frames that are looked at.
+/// Frames that are inspected.
 const FRAMES_COUNT: usize = 90;
 /// Longest wait for them, ns.
 const LONGEST_NS: u64 = 10_000_000_000;
 /// Longest wait for a gripper, ns.
 const GRIPPER_NS: u64 = 3_000_000_000;
-/// A camera that gives less of its rate than this says where the rest goes.
+/// If a camera gives less than this share of its rate, the losses are reported.
 const RATE_FRACTION: f64 = 0.9;
 
 /// The arguments of `slipbound doctor`.
@@ -49,11 +49,11 @@ pub struct Doctor {
     gripper_config: Option<PathBuf>,
 }
 
-/// Frames and what is to be said of their source; a finding alone when there are none.
+/// Frames and the findings on their source; a finding alone when there are none.
 type Looked = Result<(Vec<FrameBuffer>, Vec<Finding>), Finding>;
 
 impl Doctor {
-    /// Looks at everything; fails when something is to be mended.
+    /// Checks everything; fails when something needs to be fixed.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
         let (sensor, rest) = match &self.rest {
@@ -92,11 +92,11 @@ impl Doctor {
         }
     }
 
-    /// The frames, and what is to be said of camera, rate and clock; a finding alone when there are none.
+    /// The frames, and the findings on camera, rate and clock; a finding alone when there are none.
     fn look(&self) -> Result<Looked, Failure> {
         let (mut source, camera) = match recording::open_watched(&self.source, None) {
             Ok(opened) => opened,
-            // A file or a folder that is not there is no camera to be plugged in.
+            // A missing file or folder is not a camera to be plugged in.
             Err(refused @ Failure::Arguments(_)) if !source::is_live(&self.source) => return Err(refused),
             Err(Failure::Work(e) | Failure::Arguments(e)) => {
                 let advice = "plug it in and look at `slipbound devices`; of a stream, open its address in a browser";
@@ -136,7 +136,7 @@ impl Doctor {
         }
         if let Some(camera) = &camera {
             findings.push(rate(&camera.tally.counts(), &camera.facts));
-            // A stream says nothing of the camera behind it.
+            // A stream says nothing about the camera behind it.
             let is_told = camera.facts.iter().any(|(name, _)| name == "exposure");
             let is_loose = |(_, value): &&(String, String)| value.contains("left to") || value.contains("not locked");
             let loose: Vec<&str> = camera.facts.iter().filter(is_loose).map(|(name, _)| name.as_str()).collect();

@@ -61,7 +61,7 @@ enum Whole {
     Hand(Hand),
 }
 
-/// Lines of standard input, read by a thread of their own. None are ever read unless asked for.
+/// Lines of standard input, read on a thread of their own. None are read unless requested.
 fn lines_of_stdin(is_asked: bool) -> Receiver<String> {
     let (hand_over, lines) = channel();
     if is_asked {
@@ -73,7 +73,7 @@ fn lines_of_stdin(is_asked: bool) -> Receiver<String> {
     lines
 }
 
-/// Injects the faults that standard input has asked for; a line that names none is complained of.
+/// Injects the faults requested on standard input; reports a line that names none.
 fn inject_asked(lines: &Receiver<String>, emulator: &mut Emulator) {
     for line in lines.try_iter() {
         if let Err(e) = emulator.fail_further(line.trim()) {
@@ -82,7 +82,7 @@ fn inject_asked(lines: &Receiver<String>, emulator: &mut Emulator) {
     }
 }
 
-/// The faults that can be asked for, as a table.
+/// The available faults, as a table.
 fn fault_help() -> String {
     let rows = faults::WORDS.iter().map(|(word, what)| format!("  {word:<18} {what}"));
     let rows: Vec<String> = rows.collect();

@@ -22,7 +22,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
-/// What can be asked for; the last of them joins folders.
+/// The protocols; the last of them joins folders.
 const PROTOCOLS: [&str; 8] = ["table1", "ramps", "quiet", "unseen", "slides", "lifts", "wriggles", "merge"];
 
 /// The arguments of `slipbound eval`.
@@ -81,7 +81,7 @@ fn shard(text: &str) -> Result<Shard, String> {
 }
 
 impl Eval {
-    /// Runs what is not there yet, then writes tables and page.
+    /// Runs the missing trials, then writes tables and page.
     pub fn run(&self) -> Result<Outcome, Failure> {
         if self.protocol == "merge" {
             return self.merge();
@@ -135,8 +135,8 @@ impl Eval {
         }
     }
 
-    /// Each object judged by its trees of `--left-out`. Where a detector is asked that sees frames alone, its trees must be fitted without the object,
-    /// too: those that were kept from another table are the same in all of them.
+    /// Each object judged by its trees of `--left-out`. If a detector that uses frames alone is requested, its trees
+    /// must be fitted without the object, too: trees kept from another table are the same in all of them.
     fn left_out(&self, ramps: Ramps) -> Result<Ramps, Failure> {
         let is_alone = |entry: &&Entry| entry.is_ours() && !entry.inputs.has_force();
         let alone = (self.protocol != "merge").then(|| self.detectors()).transpose()?;
@@ -205,7 +205,7 @@ impl Eval {
         self.detector.iter().map(of_name).collect()
     }
 
-    /// Judges the trials that are missing in the folder.
+    /// Judges the trials that are missing from the folder.
     fn judge(
         &self,
         protocol: &dyn Protocol,
@@ -243,7 +243,7 @@ impl Eval {
         self.finish(&*protocol, &folder)
     }
 
-    /// The protocol that a sweep was run with, from its settings; refuses options and files that contradict them.
+    /// The protocol of a sweep, from its settings; refuses options and files that contradict them.
     fn protocol_again(&self, sweep: &Sweep) -> Result<Box<dyn Protocol>, Failure> {
         let refuse = |text: String| Err(Failure::Arguments(anyhow::Error::msg(text)));
         let refit = sweep.settings.get("refit").is_some_and(|refit| refit == "true");
@@ -269,7 +269,7 @@ impl Eval {
         Ok(protocol)
     }
 
-    /// Writes tables and page, and says the first table.
+    /// Writes tables and page, and prints the first table.
     fn finish(&self, protocol: &dyn Protocol, folder: &SweepFolder) -> Result<Outcome, Failure> {
         let tables = protocol.tables(folder.records());
         let json = serde_json::to_string_pretty(&table::json(folder.sweep(), &tables));

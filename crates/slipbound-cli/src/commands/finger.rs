@@ -1,4 +1,4 @@
-//! Which finger a recording is of, where the user does not say: for `watch` and `tare`.
+//! The finger of a recording, where the user does not name it: for `watch` and `tare`.
 
 use super::recording;
 use crate::outcome::Failure;
@@ -7,11 +7,12 @@ use slipbound::image::SizePx;
 use slipbound::sensor::Sensor;
 use slipbound_rig::sensors;
 
-/// Behind what is said of frames that stand upright where the finger's lie.
+/// Added to messages about upright frames where the finger's are wide.
 pub const TURNED: &str = "; are the pictures turned by 90 degrees?";
 
-/// The finger asked for, else that of the scene, that of `sensor.toml` beside the frames, that which goes with an MCAP recording, the one `saved` at rest under a name, or the only
-/// built-in one whose frames have just this size; with a note where that was a choice.
+/// The requested finger, else that of the scene, that of `sensor.toml` beside the frames, that in an MCAP recording,
+/// the one of the rest frame `saved` under a name, or the only built-in one whose frames have exactly this size; with a
+/// note where that was a choice.
 pub fn of(
     source: &str,
     frames: SizePx,
@@ -57,7 +58,7 @@ pub fn of(
     }
 }
 
-/// Behind a complaint about frames of a size that this finger's are not.
+/// Added to an error about frames whose size does not fit this finger.
 pub fn turned(frames: SizePx, sensor: &Sensor) -> &'static str {
     let is_turned = is_portrait(frames) && sensor.image_px.width > sensor.image_px.height;
     if is_turned { TURNED } else { "" }

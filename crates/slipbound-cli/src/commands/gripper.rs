@@ -54,7 +54,7 @@ enum Action {
 }
 
 impl Gripper {
-    /// Opens the gripper, carries out the action, prints the state it leads to.
+    /// Opens the gripper, carries out the action, prints the resulting state.
     pub fn run(&self) -> Result<Outcome, Failure> {
         if let Action::CheckHold { low, high } = self.action
             && !(low.is_finite() && high.is_finite() && 0.0 < low && low < high)
@@ -99,7 +99,7 @@ impl Gripper {
 }
 
 impl Gripper {
-    /// Refuses forces that the gripper does not press with, before anything moves.
+    /// Refuses forces that the gripper cannot press with, before anything moves.
     fn refuse_forces(&self) -> Result<(), Failure> {
         let forces_n = match self.action {
             Action::Grasp { force_n } => vec![force_n],
@@ -118,7 +118,7 @@ impl Gripper {
     }
 }
 
-/// A grasp that ended without an object, and why where the jaws tell.
+/// A grasp that ended without an object, and the reason where the jaws report it.
 fn not_held(force_n: f64, jaws: Jaws) -> Failure {
     let got = match jaws {
         Jaws::Nothing => "jaws that closed on nothing",

@@ -1,4 +1,4 @@
-//! `--rest` of a hand: its first frames, or what `slipbound tare` wrote of every finger.
+//! `--rest` of a hand: its first frames, or the file that `slipbound tare` wrote for every finger.
 
 use super::watch::live_count;
 use crate::outcome::Failure;
@@ -12,9 +12,9 @@ use std::sync::Arc;
 /// The argument `--rest`.
 #[derive(Debug, Clone)]
 pub enum HandRest {
-    /// So many of the first frames, in which nothing may touch the fingers.
+    /// The number of first frames, in which nothing may touch the fingers.
     Live(u32),
-    /// A rest frame that was saved.
+    /// A saved rest frame.
     File(PathBuf),
 }
 
@@ -25,7 +25,7 @@ impl HandRest {
     }
 }
 
-/// The fingers, each with the rest frame that was saved of it if `rests` names such files.
+/// The fingers, each with its saved rest frame if `rests` names such files.
 pub fn saved(
     rests: &[HandRest],
     mut fingers: Vec<FingerInfo>,

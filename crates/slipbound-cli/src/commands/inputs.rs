@@ -1,4 +1,4 @@
-//! What is written must not destroy what is read, nor a file of somebody else.
+//! Outputs must not destroy inputs, nor files of other programs.
 
 use crate::outcome::Failure;
 use anyhow::anyhow;
@@ -8,10 +8,10 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 
-/// How an MCAP file begins.
+/// The first bytes of an MCAP file.
 const MCAP: &[u8] = b"\x89MCAP0\r\n";
 
-/// Whether both names lead to one file: by links of either kind, too.
+/// Whether both names lead to one file, also through links of either kind.
 pub fn is_same(one: &Path, other: &Path) -> bool {
     let (Ok(first), Ok(second)) = (fs::canonicalize(one), fs::canonicalize(other)) else { return false };
     first == second || is_same_node(&first, &second)
@@ -29,7 +29,7 @@ fn is_same_node(_: &Path, _: &Path) -> bool {
     false
 }
 
-/// Refuses a file that would lie within a folder that is read.
+/// Refuses a file that would be inside a folder that is read.
 pub fn refuse_within(option: &str, path: &Path, folder: &Path) -> Result<(), Failure> {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     match (fs::canonicalize(parent), fs::canonicalize(folder)) {
@@ -41,7 +41,7 @@ pub fn refuse_within(option: &str, path: &Path, folder: &Path) -> Result<(), Fai
     }
 }
 
-/// Refuses a file that is there and was not written by us.
+/// Refuses an existing file that we did not write.
 pub fn refuse_foreign(option: &str, file: &Path) -> Result<(), Failure> {
     match file.is_file() && !written::is_ours(file).unwrap_or(false) {
         false => Ok(()),
@@ -53,7 +53,8 @@ pub fn refuse_foreign(option: &str, file: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Refuses a recording that no reader would take for one, for sources are told by their ending; pipes and devices have none.
+/// Refuses a recording whose name no reader would recognise: sources are recognised by their ending; pipes and devices
+/// have none.
 pub fn refuse_ending(option: &str, path: &Path) -> Result<(), Failure> {
     let is_special = fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir());
     if is_special || path.extension().is_some_and(|ending| ending == "mcap") {
@@ -66,8 +67,8 @@ pub fn refuse_ending(option: &str, path: &Path) -> Result<(), Failure> {
     Err(Failure::Arguments(anyhow!("{option} {}: expected a FILE.mcap, got {got}", path.display())))
 }
 
-/// Refuses a recording that would fall on a source, on one of its pictures, on another file that is read, or on a file that
-/// is no recording, and one whose name is not that of a recording. `option`: what names the recording.
+/// Refuses a recording that would overwrite a source, one of its images, another file that is read, or a file that is
+/// not a recording; and one whose name is not that of a recording. `option`: the option that names the recording.
 pub fn refuse_recording(
     option: &str,
     path: &Path,

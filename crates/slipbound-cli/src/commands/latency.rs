@@ -40,7 +40,7 @@ pub struct Latency {
     fingers: u8,
 }
 
-/// Rows of the table: what it is called, whether frames are decoded from JPEG, what blocks.
+/// Rows of the table: name, whether frames are decoded from JPEG, what blocks.
 const ROWS: [(&str, bool, Blocks); 5] = [
     ("pixels in memory", false, Blocks::Nothing),
     ("JPEG in memory", true, Blocks::Nothing),
@@ -85,7 +85,7 @@ impl Latency {
         });
         let measured = self.measure_all(&hand, &address);
         is_serving.store(false, Ordering::Relaxed);
-        let _ = emulator_thread.join(); // its failure shows in what was measured
+        let _ = emulator_thread.join(); // its failure shows in the measurement
         measured
     }
 
@@ -111,7 +111,7 @@ impl Latency {
             let times = format!("{p50:.2} | {p99:.2} | {p999:.2} | {worst:.2}");
             let confirmed = 100.0 * latency.confirmed_fraction();
             terminal.say(&format!("| {from} | command bytes in the socket | {times} | {confirmed:.0} % |"))?;
-            // So that the next measurement begins with a grasp like the first.
+            // The next measurement then begins with a grasp like the first.
             device.request(Request::Grip(GripCommand::Release)).map_err(|e| Failure::Work(e.into()))?;
         }
         if fingers == 1 {

@@ -70,7 +70,7 @@ impl Paper {
         Ok(Outcome::Done)
     }
 
-    /// Table I in a folder of its own, with what is missing of it.
+    /// Table I in a folder of its own, with its missing trials.
     fn table1(&self, stop: &AtomicBool) -> Result<Vec<Part>, Failure> {
         let protocol: Box<dyn Protocol> = simulated("table1", self.seed, self.trials).map_err(Failure::arguments)?;
         let detectors: Vec<&'static Entry> = DETECTORS.iter().collect();

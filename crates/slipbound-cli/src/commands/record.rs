@@ -1,4 +1,4 @@
-//! `slipbound record`: frames of cameras into an MCAP file, as they come.
+//! `slipbound record`: writes frames of cameras into an MCAP file, as they come.
 
 use super::inputs;
 use super::recording::refused;
@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-/// Longest recording that can be asked for, s: 32 years, far within what fits ns.
+/// Longest duration that can be requested, s: 32 years, far within the range of ns.
 const MOST_S: f64 = 1e9;
 
 /// The arguments of `slipbound record`.
@@ -46,7 +46,7 @@ pub struct Record {
 type Counted = Result<(u64, u64), SourceError>;
 
 impl Record {
-    /// Records until the sources end, the time is over, nothing can be written any more, or Ctrl-C.
+    /// Records until the sources end, the time is over, writing fails, or Ctrl-C.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let names = self.names()?;
         if let Some(for_s) = self.for_s.filter(|s| !(*s > 0.0 && *s <= MOST_S)) {
@@ -69,7 +69,7 @@ impl Record {
         let mut opened = Vec::new();
         for (number, (name, uri)) in names.iter().zip(&self.sources).enumerate() {
             let one = open(uri, name, number, &recorder, &terminal, &stop);
-            // Those that are read already are not read on for a recording that is not made.
+            // Open sources stop reading when the recording is not made.
             opened.push(one.inspect_err(|_| stop.store(true, Ordering::Relaxed))?);
         }
         recorder.begin();
@@ -93,7 +93,7 @@ impl Record {
                 Err(_) => return Err(anyhow!("{name}: the thread that reads it has broken down").into()),
             }
         }
-        // Without its end the recording says that it is cut off; what was there stays if nothing was recorded.
+        // A recording without its end is known to be cut off; the old file stays if nothing was recorded.
         if let Some(error) = failed {
             drop(recorder);
             return Err(error.into());
@@ -114,7 +114,7 @@ impl Record {
         let is_live = self.sources.iter().any(|uri| source::is_live(uri));
         let until_ns = self.for_s.filter(|_| is_live).map(|s| now_ns() + (s * 1e9) as u64);
         while !stop.load(Ordering::Relaxed) && running.iter().any(|(thread, _)| !thread.is_finished()) {
-            // A full disk: who only records does nothing else meanwhile, so it is told at once.
+            // A full disk: recording is the only work, so it is reported at once.
             if until_ns.is_some_and(|until_ns| now_ns() >= until_ns) || recorder.has_failed() {
                 return;
             }
@@ -145,9 +145,9 @@ impl Record {
 /// A source on its thread; the tally of a camera.
 type Running = (thread::JoinHandle<Counted>, Option<Arc<CameraTally>>);
 
-/// A source that is there.
+/// A source that has been opened.
 enum Opened {
-    /// A camera is read at once, so that its frames are not old when the last source is there.
+    /// A camera is read at once, so that its frames are not old when the last source is open.
     Camera(Running),
     /// A recording waits.
     Recording(TappedSource<Box<dyn FrameSource + Send>>),

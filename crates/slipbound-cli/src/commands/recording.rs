@@ -13,18 +13,18 @@ use slipbound_rig::source::{self, Arrivals, Awaited, Camera, CameraTally, Encode
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A camera whose frames are read on a thread of their own, the newest wins.
+/// A camera whose frames are read on a thread of their own, which keeps the newest.
 pub struct LiveCamera {
     /// What was negotiated and locked.
     pub facts: Vec<(String, String)>,
-    /// What became of its frames before they came to be judged.
+    /// Counts of its frames before they were judged.
     pub tally: Arc<CameraTally>,
-    /// Knows how many were not judged because a newer one came.
+    /// Counts the frames that were not judged because a newer one came.
     pub arrivals: Arrivals,
 }
 
 impl LiveCamera {
-    /// Where its frames went, in one line.
+    /// Counts and losses of its frames, in one line.
     pub fn line(&self) -> String {
         format!("{}; {} not judged because a newer one was there", self.tally.counts(), self.arrivals.replaced_count())
     }
@@ -35,7 +35,7 @@ pub fn open(source: &str) -> Result<ReadAhead, Failure> {
     open_watched(source, None).map(|(recording, _)| recording)
 }
 
-/// The same, with what is to be known of a camera; every frame goes to the recorder too, if there is one.
+/// The same, with the facts of a camera; every frame goes to the recorder too, if there is one.
 pub fn open_watched(source: &str, recorder: Option<&Recorder>) -> Result<(ReadAhead, Option<LiveCamera>), Failure> {
     let inlet = recorder.map(Recorder::inlet);
     if source::is_live(source) {
@@ -55,8 +55,8 @@ pub fn open_watched(source: &str, recorder: Option<&Recorder>) -> Result<(ReadAh
     ))
 }
 
-/// The source whose frames are marked in the recording as they are taken to be judged, if there is a recording. `waits`: for
-/// the disk, rather than to lose a mark.
+/// A source that marks its frames in the recording, if there is one, when they are taken to be judged. `waits`: whether
+/// it waits for the disk instead of losing a mark.
 pub fn marked(
     source: impl FrameSource + Send + 'static,
     inlet: Option<Inlet>,
@@ -69,8 +69,8 @@ pub fn marked(
     }
 }
 
-/// A camera on a thread of its own; every frame that arrives goes to the recorder too, if there is one. `encoded`: frames that
-/// come as pixels alone are encoded, there.
+/// A camera on a thread of its own; every frame that arrives goes to the recorder too, if there is one. `encoded`:
+/// whether frames that come as pixels only are encoded there.
 pub fn open_live(
     uri: &str,
     inlet: Option<&Inlet>,
@@ -89,7 +89,7 @@ pub fn open_live(
     Ok((newest, live))
 }
 
-/// What was asked for cannot be, or it fails.
+/// A source that cannot be opened or that fails.
 pub fn refused(e: source::Error) -> Failure {
     match e {
         source::Error::Missing { .. }
@@ -108,13 +108,13 @@ pub fn simulated_sensor(source: &str) -> Result<Option<Sensor>, Failure> {
     World::new(&trial).map(|world| Some(world.sensor())).map_err(Failure::arguments)
 }
 
-/// The sensor file that lies beside the frames of a recording, as `simulate` writes it.
+/// The sensor file beside the frames of a recording, as `simulate` writes it.
 pub fn sensor_beside(source: &str) -> Option<PathBuf> {
     let first = source::image_files(source).into_iter().next()?;
     Some(first.with_file_name("sensor.toml")).filter(|file| file.is_file())
 }
 
-/// The sensor that goes with an MCAP recording of ours, and where it stands.
+/// The sensor in an MCAP recording of ours, and its place.
 pub fn sensor_within(source: &str) -> Result<Option<(Sensor, String)>, Failure> {
     let Some((file, topic)) = source::mcap_file(source).filter(|(file, _)| file.ends_with(".mcap")) else {
         return Ok(None);

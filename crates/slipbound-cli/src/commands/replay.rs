@@ -1,4 +1,4 @@
-//! `slipbound replay`: a recorded run once more, from its folder, and whether every command comes out the same.
+//! `slipbound replay`: runs a recorded run again, from its folder, and checks that every command is the same.
 
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
@@ -14,7 +14,7 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// Runs the loop over what was recorded; fails at the first command that differs.
+    /// Runs the loop over the recorded data; fails at the first command that differs.
     pub fn run(&self) -> Result<Outcome, Failure> {
         if self.folder.is_file() {
             let file = self.folder.display();

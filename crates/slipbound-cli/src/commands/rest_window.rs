@@ -1,4 +1,4 @@
-//! The first frames of a recording or a camera, and the finger at rest among them: for `watch` and `tare`.
+//! The first frames of a recording or a camera, and the rest frame among them: for `watch` and `tare`.
 
 use super::finger;
 use crate::outcome::Failure;
@@ -12,10 +12,10 @@ use slipbound_rig::report_summary::{frame_name, torn};
 use slipbound_rig::source::{AheadFrame, ReadAhead, most_common_size};
 use std::fmt::Display;
 
-/// The frames that are looked at to find the finger at rest.
+/// The frames in which the rest frame is searched.
 pub struct Window<'a> {
     source: &'a str,
-    /// The whole ones.
+    /// The complete frames.
     pub frames: Vec<&'a FrameBuffer>,
     /// The size that most of them have.
     pub size: SizePx,
@@ -24,7 +24,7 @@ pub struct Window<'a> {
 }
 
 impl<'a> Window<'a> {
-    /// Reads on until so many whole frames are there, or the source ends.
+    /// Reads until this many complete frames are there, or the source ends.
     pub fn read(source: &'a str, recording: &'a mut ReadAhead, count: u32) -> Result<Self, Failure> {
         let count = count as usize;
         let whole = recording.read_ahead(count).filter(|frame| frame.torn.is_none());
@@ -41,13 +41,13 @@ impl<'a> Window<'a> {
         Ok(Window { source, torn_count: window.len() - frames.len(), frames, size })
     }
 
-    /// What the finger's facts or settings do not allow with these frames.
+    /// The error for facts or settings that do not fit these frames.
     pub fn refused(&self, sensor: &Sensor, e: impl Display) -> Failure {
         let (source, size, hint) = (self.source, self.size, finger::turned(self.size, sensor));
         Failure::Arguments(anyhow!("{source}: frames of {size}: sensor {}: {e}{hint}", sensor.name))
     }
 
-    /// The finger at rest. `untouched`: who asks that nothing touches it; then a finger in contact is an error.
+    /// The rest frame. `untouched`: the option that requires an untouched finger; a finger in contact is then an error.
     pub fn rest(
         &self,
         sensor: &Sensor,
@@ -86,7 +86,7 @@ pub fn advice_where_touched(skin: Skin) -> &'static str {
     }
 }
 
-/// What of a frame says that something touches the finger.
+/// The evidence in a frame that something touches the finger.
 fn imprint(frame: &FrameBuffer, look: RestLook, bare: f64, skin: Skin) -> String {
     let (name, seen) = (frame_name(frame), look.sharpness);
     match skin {

@@ -26,15 +26,15 @@ use std::path::{Path, PathBuf};
 /// Frames of a recording that are read ahead, so that a slow disk does not delay a cycle.
 const READ_AHEAD_COUNT: usize = 8;
 
-/// What a hold without an end is given for its time, ns: eleven days.
+/// The duration given to an endless hold, ns: eleven days.
 const WITHOUT_END_NS: u64 = 1_000_000_000_000_000;
 
-/// Longest time between two cycles where frames come as from a camera, ns.
+/// Longest time between two cycles where frames come at a camera's rate, ns.
 const LONGEST_CYCLE_NS: u64 = 100_000_000;
 
-/// Why a task that ended while it was still taking hold has failed.
+/// The error of a task that ended while it was still taking hold.
 pub(super) fn never_began(missing: Option<Missing>, refused_lowering: Option<&str>) -> anyhow::Error {
-    // Without a frame that can be judged the task is never asked.
+    // Without a frame that can be judged the task never runs.
     let why = missing.map_or("no finger has shown a frame that can be judged", Missing::in_words);
     match refused_lowering {
         Some(refused) => anyhow!("the work never began: {why}; {refused}"),
@@ -42,13 +42,13 @@ pub(super) fn never_began(missing: Option<Missing>, refused_lowering: Option<&st
     }
 }
 
-/// What was so when the loop had ended.
+/// The state when the loop ended.
 struct Ended {
     /// The force, N per finger.
     held_n: Option<f64>,
     /// What the task waited for.
     missing: Option<Missing>,
-    /// How many frames the rest frame is looked for in.
+    /// The number of frames in which the rest frame is searched.
     window_count: u32,
 }
 
@@ -190,7 +190,7 @@ impl Hardware {
         if let Some(recorder) = &recorder {
             describe(recorder, &info)?;
         }
-        // Before the gripper is looked for, and nothing is made before it is found.
+        // Checked before the gripper is searched; nothing is created before the gripper is found.
         run::refuse_used_folder(&folder)?;
         let stop = interruption::listen()?;
         let mut gripper = gripper::Device::open(&self.gripper, self.gripper_config.as_deref())?;
@@ -210,7 +210,7 @@ impl Hardware {
             output.note(now_ns(), &clamped);
         }
         let period_ns = (1e9 / self.rate_hz) as u64;
-        // What is played slowly is silent between two frames as it should be.
+        // A recording that is played slowly is silent between two frames as intended.
         let longest_cycle_ns = LONGEST_CYCLE_NS.max(period_ns + period_ns / 2);
         let mut due_ns = now_ns();
         let mut frames_due = FramesDue::new(cameras.iter().map(|(_, live)| live.arrivals.clone()), limits.max_skew_ns);
@@ -254,7 +254,7 @@ impl Hardware {
         self.record == Some(None)
     }
 
-    /// Says how it went.
+    /// Reports the outcome.
     fn end(
         &self,
         name: &str,
@@ -383,7 +383,7 @@ impl Hardware {
         Ok((control.with_runner(Box::new(MonitorWorkers::new())), cameras))
     }
 
-    /// The recording in one file that was asked for.
+    /// The recording in one file that was requested.
     fn recorder(&self, fingers: &[FingerInfo]) -> Result<Option<Recorder>, Failure> {
         let Some(Some(path)) = &self.record else { return Ok(None) };
         let rests = self.rest.iter().map(|rest| match rest {
@@ -402,7 +402,7 @@ impl Hardware {
         Ok(Some(Recorder::create(path, &names, true)?))
     }
 
-    /// What else decides how it goes: the gripper, and what every camera was set to.
+    /// Further conditions of the run: the gripper, and the settings of every camera.
     fn notes(&self, cameras: &[(String, LiveCamera)]) -> toml::Table {
         let mut notes = toml::Table::new();
         notes.insert("gripper".into(), self.gripper.clone().into());
@@ -417,7 +417,8 @@ impl Hardware {
     }
 }
 
-/// What a run is, with the sensor of every finger and the settings of the monitors, into its recording.
+/// Writes the description of a run into its recording, with the sensor of every finger and the settings of the
+/// monitors.
 pub(super) fn describe(recorder: &Recorder, info: &RunInfo) -> Result<(), Failure> {
     for finger in &info.fingers {
         let sensor = toml::to_string(&finger.sensor).map_err(|e| Failure::work("sensor", e))?;
@@ -433,7 +434,7 @@ pub(super) fn describe(recorder: &Recorder, info: &RunInfo) -> Result<(), Failur
     Ok(())
 }
 
-/// Closes a recording, and tells what is not in it.
+/// Closes a recording, and reports what is missing from it.
 pub(super) fn finish_recording(recorder: Option<Recorder>, output: &mut RunOutput) {
     match recorder.map(Recorder::finish) {
         None => {}

@@ -50,7 +50,7 @@ pub fn run(name: Option<&str>) -> Result<Outcome, Failure> {
     Ok(Outcome::Done)
 }
 
-/// `objects`: where these are.
+/// `objects`: where the objects are listed.
 fn range(key: &Key, objects: &str) -> String {
     match key.kind {
         Kind::Number(low, high) => format!("{low} to {high}"),
@@ -62,7 +62,7 @@ fn range(key: &Key, objects: &str) -> String {
     }
 }
 
-/// Prints rows in columns as wide as they must be.
+/// Prints rows in columns of the necessary width.
 fn table<const COLUMNS: usize>(terminal: &mut Terminal, rows: &[[String; COLUMNS]]) -> Result<(), Failure> {
     let widths: [usize; COLUMNS] = std::array::from_fn(|i| rows.iter().map(|row| row[i].len()).max().unwrap_or(0));
     for row in rows {

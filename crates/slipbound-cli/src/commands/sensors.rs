@@ -3,7 +3,7 @@
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 
-/// Prints the table, or the whole file of the finger of a name, to begin one's own from.
+/// Prints the table, or the whole file of the named finger, as a template for one's own.
 pub fn run(name: Option<&str>) -> Result<Outcome, Failure> {
     if let Some(name) = name {
         let sensor = slipbound_rig::sensors::load(name).map_err(Failure::arguments)?;

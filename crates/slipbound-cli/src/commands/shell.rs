@@ -1,4 +1,4 @@
-//! `slipbound completions` and `slipbound man`: what a shell and `man` know of the commands, made from the arguments themselves.
+//! `slipbound completions` and `slipbound man`: shell completions and manual pages, generated from the arguments.
 
 use crate::outcome::{Failure, Outcome};
 use anyhow::anyhow;

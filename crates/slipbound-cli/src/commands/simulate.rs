@@ -1,4 +1,4 @@
-//! `slipbound simulate`: a scene as a recording with its truth.
+//! `slipbound simulate`: writes a scene as a recording with its ground truth.
 
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};

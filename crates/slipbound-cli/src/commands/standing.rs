@@ -1,4 +1,4 @@
-//! What the markers of a finger do while nothing should: for `doctor` and `tare`.
+//! The motion of a finger's markers while nothing should move: for `doctor` and `tare`.
 
 use slipbound::monitor::{SlipMonitor, SlipState};
 use slipbound::plane::Vec2;
@@ -6,21 +6,21 @@ use slipbound::port::FrameBuffer;
 
 /// A finger seen over some frames in which nothing should touch it.
 pub struct Standing {
-    /// Root mean square distance of every marker from its mean place over the untouched frames, px, the least first; without those
-    /// seen there fewer than three times.
+    /// RMS distance of every marker from its mean position over the untouched frames, px, in ascending order; without
+    /// markers seen there fewer than three times.
     pub noise_px: Vec<f64>,
-    /// How far the mean place of the middle one of them is from where the rest frame has it, px.
+    /// Median over these markers of the distance from the mean position to that in the rest frame, px.
     pub drift_px: Option<f64>,
-    /// How many markers were followed through three frames or more, touched or not.
+    /// Number of markers followed through three frames or more, touched or not.
     pub followed_count: usize,
     /// The first frame that shows a contact.
     pub touched_seq: Option<u64>,
-    /// How many show one.
+    /// Number of frames that show one.
     pub touched_count: usize,
 }
 
 impl Standing {
-    /// Judges the frames. `noisy`: of which of them the noise is wanted, by their numbers.
+    /// Judges the frames. `noisy`: numbers of the frames whose noise is measured.
     pub fn see<'a>(
         frames: impl IntoIterator<Item = &'a FrameBuffer>,
         monitor: &mut SlipMonitor,
@@ -60,7 +60,7 @@ impl Standing {
         }
     }
 
-    /// The noise of the middle marker and of the worst, in words; None where no marker was seen often enough.
+    /// The noise of the median and of the worst marker, in words; None where no marker was seen often enough.
     pub fn noise(&self) -> Option<(f64, String)> {
         let (median_px, worst_px) = (*self.noise_px.get(self.noise_px.len() / 2)?, self.noise_px.last()?);
         let words = format!("{median_px:.3} px in the middle, {worst_px:.3} px at worst, of a marker at rest");
@@ -68,7 +68,7 @@ impl Standing {
     }
 }
 
-/// Where a marker was seen: sums for its scatter.
+/// Sums over a marker's positions, for its scatter.
 #[derive(Debug, Clone, Copy, Default)]
 struct Scatter {
     count: f64,
@@ -83,13 +83,13 @@ impl Scatter {
         self.sum_of_squares += at.x * at.x + at.y * at.y;
     }
 
-    /// Root mean square distance from its mean place, px; None before it was seen three times.
+    /// RMS distance from its mean position, px; None before it was seen three times.
     fn rms_px(&self) -> Option<f64> {
         let mean_square = (self.sum.0 * self.sum.0 + self.sum.1 * self.sum.1) / (self.count * self.count);
         (self.count >= 3.0).then(|| (self.sum_of_squares / self.count - mean_square).max(0.0).sqrt())
     }
 
-    /// How far its mean place is from its place at rest, px; None before it was seen three times.
+    /// Distance of its mean position from its position at rest, px; None before it was seen three times.
     fn drift_px(&self) -> Option<f64> {
         (self.count >= 3.0).then(|| Vec2::new(self.sum.0 / self.count, self.sum.1 / self.count).length())
     }

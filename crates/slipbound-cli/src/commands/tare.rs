@@ -1,4 +1,4 @@
-//! `slipbound tare`: the finger at rest, found once and kept in a file for every later `--rest FILE`.
+//! `slipbound tare`: finds the rest frame of a finger once and saves it in a file for every later `--rest FILE`.
 
 use super::rest_window::{Window, advice_where_touched};
 use super::standing::Standing;
@@ -40,14 +40,15 @@ pub struct Tare {
 }
 
 impl Tare {
-    /// Finds the finger at rest and keeps it; fails when something touches it, or nothing could be judged against it.
+    /// Finds the rest frame and saves it; fails when something touches the finger, or nothing could be judged against
+    /// it.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let mut settings = match &self.settings {
             Some(file) => config::load_settings(file).map_err(Failure::arguments)?,
             None => Settings::default(),
         };
         settings.rest.window_count = self.frames.unwrap_or(settings.rest.window_count);
-        settings.rest.held = false; // of a recording, not of the finger
+        settings.rest.held = false; // a property of a recording, not of the finger
         let asked = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
         self.refuse_overwriting()?;
         let mut terminal = Terminal::plain();
@@ -101,7 +102,7 @@ impl Tare {
         anyhow!("tare: {}: {expected}, got a touch in {name}: {advice}, or take fewer frames: --frames N", self.source)
     }
 
-    /// The file may fall neither on what is read nor on a file of somebody else.
+    /// The file may overwrite neither what is read nor a file of another program.
     fn refuse_overwriting(&self) -> Result<(), Failure> {
         let shown = self.output.display();
         if self.output.as_os_str() == "-" {

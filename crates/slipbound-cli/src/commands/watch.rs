@@ -1,4 +1,4 @@
-//! `slipbound watch`: judge every frame of a recording or a simulated scene, or what a camera sees.
+//! `slipbound watch`: judges every frame of a recording, a simulated scene, or a camera.
 //!
 //! ```text
 //!   SOURCE --read ahead--> rest --> monitor --step--> report --> JSON, overlay, timings, lines, summary
@@ -33,13 +33,13 @@ use slipbound_rig::{config, sensors};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// An overlay video of a recording without times is played at this rate.
+/// Playback rate of the overlay video of a recording without times.
 const OVERLAY_RATE_HZ: u32 = 10;
 
-/// What follows from markers that do not stand the sensor's pitch apart.
+/// The consequence of a marker spacing that differs from the sensor's pitch.
 const UNJUDGED: &str = "no frame is judged until the sensor file fits, or the settings say rest.check_spacing = false";
 
-/// Closes a recording; whether everything is in it.
+/// Closes a recording; returns whether everything is in it.
 fn finish(recorder: Recorder, terminal: &Terminal) -> Result<bool, Failure> {
     let written = recorder.finish().map_err(|e| Failure::Work(e.into()))?;
     if written.lost_count > 0 {
@@ -56,7 +56,7 @@ struct Ended {
     first_slip: Option<String>,
 }
 
-/// One of several recordings, of which the terminal shows a row alone.
+/// One of several recordings, for which the terminal shows only a row.
 struct Quiet {
     interrupted: Arc<AtomicBool>,
 }
@@ -115,7 +115,7 @@ impl Watch {
         let recorder = self.record.as_deref().map(|path| Recorder::create(path, &fingers, true)).transpose()?;
         let (mut recording, camera) = recording::open_watched(&self.source, recorder.as_ref())?;
         if let (Some(recorder), Some(_)) = (&recorder, &camera) {
-            recorder.begin(); // with the frames that the finger at rest is found in
+            recorder.begin(); // with the frames in which the rest frame is found
         }
         let terminal = Terminal::with_bar(recording.frames_count(), self.json_on_stdout());
         doubtful_rate(&self.source).iter().for_each(|doubt| terminal.note(doubt));
@@ -147,7 +147,7 @@ impl Watch {
         }
 
         let mut progress = Progress { terminal, summary: ReportSummary::new(), first_slip: None, quiet };
-        // Marked as they are judged, not as they are read ahead.
+        // Marked when they are judged, not when they are read ahead.
         let inlet = recorder.as_ref().map(Recorder::inlet);
         let mut recording = recording::marked(recording, inlet, 0, camera.is_none());
         let mut silence = camera.as_ref().map(|_| Silence::new(self.max_silence_ms));
@@ -155,7 +155,7 @@ impl Watch {
         let Progress { mut terminal, summary, first_slip, .. } = progress;
         terminal.clear_bar();
         if matches!(ended, Err(Failure::ReaderLeft)) {
-            let _ = recorder.map(Recorder::finish); // nobody is left to tell
+            let _ = recorder.map(Recorder::finish); // nobody is left to report to
             return Err(Failure::ReaderLeft);
         }
         let closed = outputs.close(&summary);
@@ -166,7 +166,7 @@ impl Watch {
         if let Some(camera) = &camera {
             terminal.say(&format!("camera: {}", camera.line()))?;
         }
-        // What fails leaves the recording without its end: who reads it is told that it is cut off.
+        // A failure leaves the recording without its end: its reader is told that it is cut off.
         ended.and(closed)?;
         let is_lossless = recorder.map_or(Ok(true), |recorder| finish(recorder, &terminal));
         let frames_count = summary.frames_count();
@@ -174,13 +174,13 @@ impl Watch {
             let why = summary.lines().split_off(1).join("; ");
             return Err(anyhow!("{}: none of {frames_count} frames could be judged: {why}", self.source).into());
         }
-        // A torn frame that a newer one overtook is lost all the same.
+        // A torn frame that was replaced by a newer one is lost all the same.
         let torn_count = summary.torn_count() + camera.map_or(0, |camera| camera.tally.counts().torn_count);
         let outcome = if !is_lossless? || torn_count > 0 { Outcome::DataLost } else { Outcome::Done };
         Ok(Ended { outcome, summary, first_slip })
     }
 
-    /// What goes with a recording, so that it can be judged again anywhere.
+    /// Adds to a recording what is needed to judge it again anywhere.
     fn describe(&self, recorder: &Recorder, monitor: &SlipMonitor, camera: Option<&LiveCamera>) -> Result<(), Failure> {
         let sensor = toml::to_string(monitor.sensor()).map_err(|e| Failure::work("sensor", e))?;
         recorder.attach(&format!("{}.sensor.toml", self.finger), "text/toml", sensor.into_bytes());
@@ -192,7 +192,7 @@ impl Watch {
         Ok(())
     }
 
-    /// The loop: a frame in, its report out to every output.
+    /// The loop: reads a frame, writes its report to every output.
     fn judge(
         &self,
         recording: &mut dyn FrameSource,
@@ -209,7 +209,7 @@ impl Watch {
         let mut buffer = FrameBuffer::default();
         loop {
             if silence.is_some() && interrupted.load(Ordering::Relaxed) {
-                // A camera has no other end. What was taken has been judged.
+                // A camera has no other end. The frames taken have been judged.
                 return events.end().map_or(Ok(()), |event| progress.event(&event, outputs, &buffer, monitor));
             }
             let next = recording.next(&mut buffer);

@@ -1,5 +1,5 @@
-//! A disk that takes no more in the middle of a run: the loop goes on to the same end, and what was lost is told.
-//! The limit on the size of a file stands for the disk: writes beyond it fail in the middle, as on a full one.
+//! A disk that gets full in the middle of a run: the loop continues to the same end, and the loss is reported. The
+//! limit on the size of a file stands for the disk: writes beyond it fail in the middle, as on a full one.
 #![cfg(target_os = "linux")]
 
 use std::fs;
@@ -10,7 +10,8 @@ use std::process::{Command, Output};
 use std::thread;
 use std::time::Duration;
 
-/// What a file may take, in blocks of 512 bytes: every frame, but not every cycle's line, and not the page.
+/// Size limit of a file, in blocks of 512 bytes: enough for every frame, but not for every cycle's line, nor for the
+/// page.
 const LIMIT_BLOCKS: &str = "160";
 
 fn slipbound(limit_blocks: &str, args: &[&str]) -> Output {
@@ -29,7 +30,7 @@ fn row(told: &str, name: &str) -> String {
     line.unwrap_or_else(|| panic!("no row {name}: {told}")).trim().to_owned()
 }
 
-/// Exit code 3, a count and a reason, and only whole lines.
+/// Exit code 3, a count and a reason, and only complete lines.
 fn check_lost(folder: &Path, output: &Output) {
     assert_eq!(output.status.code(), Some(3), "{}", told(output));
     assert!(told(output).contains("times something could not be written, the first: "), "{}", told(output));
@@ -56,7 +57,7 @@ fn a_full_disk_changes_nothing_in_the_loop_and_is_told_at_the_end() {
     for name in ["ended", "largest grip", "slid in the fingers", "alarms"] {
         assert_eq!(row(&told(&without), name), row(&told(&with), name), "{name}");
     }
-    // What is there replays, up to where it breaks off.
+    // The remaining part replays, up to where it is cut off.
     let again = slipbound("unlimited", &["replay", &cut]);
     let ends = "frames.jsonl: ends before cycle";
     assert!(again.status.success() || told(&again).contains(ends), "{}", told(&again));
@@ -105,7 +106,7 @@ fn a_finger_at_rest_that_cannot_be_written_leaves_the_one_that_was_there() {
     assert_eq!(fs::read_dir(scratch.path()).expect("reads").count(), 1, "and nothing is left beside it");
 }
 
-/// A camera that never ends; that its pictures are torn is no reason not to keep them.
+/// A camera that never ends; its images are kept although they are torn.
 fn camera() -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let url = format!("http://{}/", listener.local_addr().expect("bound"));

@@ -12,7 +12,7 @@ fn slipbound(arguments: &[&str]) -> Command {
     command
 }
 
-/// An emulator in a process of its own, and where it is.
+/// An emulator in a process of its own, and its address.
 struct Emulator {
     process: Child,
     out: BufReader<ChildStdout>,
@@ -34,7 +34,7 @@ impl Emulator {
         Emulator { process, out, address: address.trim().into() }
     }
 
-    /// How a gripper command ended: exit code, standard output, standard error.
+    /// The outcome of a gripper command: exit code, standard output, standard error.
     fn gripper(&self, query: &str, action: &[&str]) -> (Option<i32>, String, String) {
         let address = format!("{}{query}", self.address);
         let output = slipbound(&[&["gripper", &address], action].concat()).output().expect("runs");
@@ -42,7 +42,7 @@ impl Emulator {
         (output.status.code(), text(output.stdout), text(output.stderr))
     }
 
-    /// Ends it by Ctrl-C; what it says at the end.
+    /// Ends it by Ctrl-C; returns its last output.
     fn end(mut self) -> String {
         let interrupt = Command::new("kill").args(["-INT", &self.process.id().to_string()]).status();
         assert!(interrupt.expect("kill runs").success());
@@ -152,7 +152,7 @@ fn faults_are_taken_from_standard_input_while_it_serves() {
     assert!(emulator.end().contains("at the end: 20.00 N per finger, opening 50.00 mm, the block is held"));
 }
 
-/// A script that goes on after `grasp` believes that it holds something.
+/// A script that continues after `grasp` assumes that it holds something.
 #[test]
 fn a_grasp_of_nothing_is_a_failure() {
     let grasps = |arguments: &[&str], state: &str, got: &str| {
@@ -194,7 +194,7 @@ fn what_cannot_be_is_a_bad_argument_and_what_is_not_there_a_failure() {
     }
 }
 
-/// A recording of a finger that is pressed for so long, in a folder.
+/// A recording, in a folder, of a finger that is pressed for this long.
 fn pressed_finger(folder: &std::path::Path, hold_s: u32) -> (String, String) {
     let clip = folder.join("clip").display().to_string();
     let scene = format!("press?rest_frames=30&hold_s={hold_s}&grid=fast&camera=gelsight_mini");
@@ -203,7 +203,7 @@ fn pressed_finger(folder: &std::path::Path, hold_s: u32) -> (String, String) {
     (clip, sensor)
 }
 
-/// A terminal that was halted, or a reader that does not read: it is ended by SIGTERM like any other, and leaves its page.
+/// With a stopped terminal, or a reader that does not read: it is ended by SIGTERM like any other, and leaves its page.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_terminal_that_takes_nothing_keeps_no_hold_from_its_end() {
@@ -251,7 +251,7 @@ fn a_recording_falls_on_nothing_that_is_read_and_on_no_other_file() {
         let written = format!("--record={path}");
         let hold = ["hold", &clip, "--sensor", &sensor, "--gripper", "dry", "--for-s", "0", &written];
         for arguments in [&hold[..], &["record", &clip, "--sensor", &sensor, "-o", &path], &["demo", &written]] {
-            // The demo reads none of them, but a file that is no recording is spared, too.
+            // The demo reads none of them, but a file that is not a recording is not overwritten either.
             let output = slipbound(arguments).current_dir(folder.path()).output().expect("runs");
             let err = String::from_utf8(output.stderr).expect("UTF-8");
             let named = err.contains("--record") || err.contains("--output");
@@ -265,7 +265,7 @@ fn a_recording_falls_on_nothing_that_is_read_and_on_no_other_file() {
 fn a_gripper_that_says_why_it_cannot_grip_is_not_waited_for() {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = format!("gcl://{}", listener.local_addr().expect("an address"));
-    // Idle, whatever it is asked; a grip fails.
+    // Reports idle to every question; a grip fails.
     thread::spawn(move || {
         let (link, _) = listener.accept().expect("a client");
         for line in BufReader::new(link.try_clone().expect("a second handle")).lines().map_while(Result::ok) {

@@ -1,5 +1,5 @@
-//! What happens to the hand and to the wrist when processes and links between them fail: `run` with real sockets,
-//! emulators that are processes of their own, and between them a line that can be cut, stalled or left half open.
+//! The hand and the wrist when processes and links between them fail: `run` with real sockets, emulators that are
+//! processes of their own, and between them a line that can be cut, stalled or left half open.
 //! `cargo test -p slipbound-cli --test real_time link_faults -- --nocapture` prints the rows of docs/grippers.md.
 
 use serde_json::Value;
@@ -14,8 +14,7 @@ use std::thread::{sleep, spawn};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tempfile::TempDir;
 
-/// Longest time for which a wrist may move on after whatever has happened: its time to live and a little for a busy
-/// computer.
+/// Longest time for which a wrist may move on after any fault: its time to live and a little for a busy computer.
 const WRIST_MS: u64 = 450;
 
 fn slipbound() -> Command {
@@ -81,7 +80,7 @@ impl Drop for Emulator {
 const OPEN: u8 = 0;
 const STALLED: u8 = 1;
 const CUT: u8 = 2;
-/// The far side is told nothing and hears nothing; ours is closed.
+/// The far side is told nothing and receives nothing; our side is closed.
 const HALF_OPEN: u8 = 3;
 
 /// A line between driver and emulator.
@@ -124,7 +123,7 @@ fn carry(mut from: TcpStream, mut to: TcpStream, state: &AtomicU8, is_near: bool
                 continue;
             }
             HALF_OPEN => {
-                // The near side is closed; the far one is kept and never heard of again.
+                // The near side is closed; the far one stays open and receives nothing more.
                 let near = if is_near { &from } else { &to };
                 let _ = near.shutdown(std::net::Shutdown::Both);
                 while state.load(Ordering::Relaxed) == HALF_OPEN {
@@ -152,7 +151,7 @@ fn carry(mut from: TcpStream, mut to: TcpStream, state: &AtomicU8, is_near: bool
     }
 }
 
-/// A hand that lifts slowly, for ten seconds: something has hold of, and the wrist moves.
+/// A hand that lifts slowly, for ten seconds: it holds an object, and the wrist moves.
 struct Lifting {
     run: Child,
     gripper: Emulator,
@@ -163,7 +162,7 @@ struct Lifting {
 }
 
 impl Lifting {
-    /// Frames of a simulated finger that takes hold: made once, for every test.
+    /// Frames of a simulated finger that takes hold: made once for all tests.
     fn frames() -> &'static Path {
         static FRAMES: OnceLock<TempDir> = OnceLock::new();
         static LEFT: OnceLock<PathBuf> = OnceLock::new();
@@ -216,7 +215,7 @@ impl Lifting {
         fs::read_to_string(self.folder.join("run").join("events.jsonl")).unwrap_or_default()
     }
 
-    /// Whether the wrist moves now, as it says itself.
+    /// Whether the wrist moves now, by its own report.
     fn wrist_moves(&self) -> bool {
         let before_mm = self.wrist.last("lowered_mm");
         sleep(Duration::from_millis(400));
@@ -245,7 +244,7 @@ impl Lifting {
         (last_ns - since_ns) / 1_000_000
     }
 
-    /// Ends the run if it has not ended; its exit code and what it said.
+    /// Ends the run if it has not ended; returns its exit code and its output.
     fn end(&mut self) -> (Option<i32>, String) {
         let until = Instant::now() + Duration::from_secs(20);
         while self.run.try_wait().expect("known").is_none() {
@@ -265,7 +264,7 @@ impl Drop for Lifting {
     }
 }
 
-/// A row of the table, after checking what must be true in every one of them: nothing fell, and the wrist stood soon.
+/// A row of the table, after checking what must be true in every one of them: nothing fell, and the wrist soon stopped.
 /// `noticed_ms`: how long the fault may go unnoticed.
 fn row(what: &str, lifting: &Lifting, since_ns: u64, until_ns: u64, noticed_ms: u64, then: &str) {
     let (least_n, is_carried) = lifting.held_since(since_ns);
@@ -342,7 +341,7 @@ fn a_wrist_is_killed() {
     row("the wrist's emulator: kill -KILL", &lifting, since_ns, unix_ns(), 0, "exit code 1 after 10 s: link lost");
 }
 
-/// A line that fails for a time: what is checked meanwhile, and that the lifting goes on afterwards.
+/// A line that fails for a time: the checks meanwhile, and that the lifting continues afterwards.
 fn fails_for_a_time(what: &str, state: u8, for_ms: u64) {
     side_by_side(["gripper", "wrist"], |finger| {
         let (_scratch, lifting) = Lifting::start("&acknowledge_own_fast_stop=true");
@@ -356,7 +355,7 @@ fn fails_for_a_time(what: &str, state: u8, for_ms: u64) {
         while !lifting.wrist_moves() {
             assert!(back.elapsed() < Duration::from_secs(8), "{what}: never went on: {}", lifting.events());
         }
-        // That a gripper says nothing is a fault after the longest silence allowed; a wrist runs out by itself.
+        // A silent gripper is a fault after the longest silence allowed; a wrist's motion expires by itself.
         let noticed_ms = if state == STALLED && finger == "gripper" { 500 } else { 0 };
         row(&format!("{finger}: {what}"), &lifting, since_ns, until_ns, noticed_ms, "went on by itself");
     });

@@ -1,4 +1,5 @@
-//! Live sources from outside: a served stream is watched, recorded, killed and judged again; a hand holds on two of them.
+//! Live sources from outside: a served stream is watched, recorded, killed and judged again; a hand holds with two of
+//! them.
 #![cfg(unix)]
 
 use serde_json::Value;
@@ -29,26 +30,26 @@ fn jpeg(frame: usize) -> Vec<u8> {
     out
 }
 
-/// What the stream does beside giving a frame every 33 ms.
+/// Behaviour of the stream besides giving a frame every 33 ms.
 #[derive(Clone, Copy, Default)]
 struct Trouble {
-    /// Stalls for so long before this frame.
+    /// Stalls for this long before this frame.
     stall: Option<(usize, Duration)>,
     /// Tears this frame.
     tears: Option<usize>,
     /// Is silent for good from this frame.
     silent_from: Option<usize>,
-    /// Answers so long after it was called.
+    /// Answers this long after it was called.
     answers_after: Duration,
 }
 
-/// Serves a finger's camera to whoever connects; the address.
+/// Serves a finger's camera to every client; returns the address.
 fn serve(trouble: Trouble) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let url = format!("http://{}/left", listener.local_addr().expect("bound"));
     thread::spawn(move || {
         for socket in listener.incoming().flatten() {
-            thread::spawn(move || drop(play(socket, trouble))); // who hangs up has seen enough
+            thread::spawn(move || drop(play(socket, trouble))); // a client may hang up at any time
         }
     });
     url
@@ -92,7 +93,7 @@ fn told(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
-/// Waits until a file has so many lines.
+/// Waits until a file has this many lines.
 fn until_lines(path: &Path, count: usize) {
     let from = Instant::now();
     while fs::read_to_string(path).map_or(0, |text| text.lines().count()) < count {
@@ -128,7 +129,7 @@ fn what_was_watched_live_is_judged_again_from_its_recording_to_the_same_lines() 
     let (live, again) = (lines(&scratch.path().join("live.jsonl")), lines(&scratch.path().join("again.jsonl")));
     assert!(live.len() >= 59, "{}", live.len());
     assert_eq!(live, again);
-    // On a slow machine a newer frame may have overtaken the torn one.
+    // On a slow machine a newer frame may have replaced the torn one.
     let is_torn_judged = live.iter().any(|line| line.contains("\"torn frame\""));
     assert_eq!(replayed.status.code(), Some(if is_torn_judged { 3 } else { 0 }), "{}", told(&replayed));
     let time_ns = |line: &String| serde_json::from_str::<Value>(line).expect("JSON")["time_ns"].as_u64();
@@ -148,7 +149,7 @@ fn a_recording_that_was_killed_is_readable_to_its_last_chunk() {
     let replayed = slipbound(scratch.path(), &[&WATCH[..], &again].concat()).output().expect("runs");
     let said = told(&replayed);
     assert!(said.contains("cut off"), "{said}");
-    // Others' readers stop, or fail, at a length that cannot be.
+    // Other readers stop, or fail, at an impossible length.
     let bytes = std::fs::read(scratch.path().join("run.mcap")).expect("the recording");
     assert!(
         !bytes.windows(9).any(|head| *head == [6, 255, 255, 255, 255, 255, 255, 255, 255]),
@@ -216,7 +217,7 @@ fn what_is_judged_in_part_is_recorded_as_cut_off() {
     assert!(told(&again).contains("the recording is cut off"), "{}{}", told(&ended), told(&again));
 }
 
-/// A picture that waited for the other camera would be the first of the recording, and old.
+/// An image that waited for the other camera would be the first of the recording, and old.
 #[test]
 fn a_camera_that_is_there_first_is_recorded_from_when_the_last_one_is() {
     let scratch = tempfile::tempdir().expect("a folder");
@@ -258,7 +259,7 @@ fn what_cannot_be_a_camera_is_refused() {
     }
 }
 
-/// Frames of a simulated scene from a touched one on.
+/// Frames of a simulated scene, from a touched one on.
 #[test]
 fn a_touched_finger_is_refused_where_rest_is_to_be_live() {
     let scratch = tempfile::tempdir().expect("a folder");

@@ -1,5 +1,5 @@
-//! The commands on sockets, pipes and processes, in real time. Most of it is waiting, so all of it is one program: while one test waits
-//! for a link to come back another goes on.
+//! The commands on sockets, pipes and processes, in real time. Most of it is waiting, so all of it is one program:
+//! while one test waits for a link to come back another continues.
 
 mod full_disk;
 mod gripper;

@@ -1,4 +1,4 @@
-//! What is asked for, and what cannot be.
+//! Valid and invalid arguments.
 
 use super::trial::{Ended, SIZE, Trial, encode, jpeg};
 use slipbound::image::SizePx;
@@ -85,7 +85,7 @@ fn rest_may_be_named() {
     assert_eq!(report[0]["rest"].to_string(), r#"{"frames":[0,6],"kind":"in_contact"}"#, "nothing shows there");
     assert_eq!(report[0]["settings"]["rest"]["held"], true);
     assert!(!ended.err.contains("starts in contact"), "who says it knows it: {ended:?}");
-    // The nearer word counts: the arguments', not the file's.
+    // The nearer setting counts: that of the arguments, not that of the file.
     trial.write("held.toml", b"[rest]\nheld = true\n");
     let ended = trial.watch("run", &["--rest", "live:6", "--settings", "held.toml", "--json", "report.json"]);
     ended.expect(0, &[]);

@@ -75,7 +75,7 @@ fn markers_that_do_not_stand_a_pitch_apart_raise_a_doubt() {
     let note = trial.report("report.json")[0]["note"].to_string();
     assert!(note.contains("right sensor file?"), "{note}");
     assert!(states(&trial.report("report.json")).iter().all(|state| *state == "unjudged"));
-    // A loop says it, too, and not that it starts in contact, which nobody knows.
+    // A loop reports it, too, and not that it starts in contact, which is not known.
     let trial = Trial::new(40);
     let arguments = ["hold", "run", "--sensor", "gelsight_mini_near", "--gripper", "dry", "-o", "held"];
     let ended = Ended::of(trial.command(&arguments).output().expect("runs"));
@@ -133,7 +133,7 @@ fn without_ffmpeg_it_says_what_to_install() {
 #[test]
 fn hostile_names_and_headers_and_endless_settings_do_no_harm() {
     let trial = Trial::new(4);
-    // A header of 60000 x 60000, and nothing else: 10.8 GB if it were believed.
+    // A header of 60000 x 60000, and nothing else: 10.8 GB if it were trusted.
     let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec();
     png.extend([0, 0, 0xEA, 0x60, 0, 0, 0xEA, 0x60, 8, 2, 0, 0, 0]);
     png.extend(0x0FB0_E215u32.to_be_bytes());
@@ -169,13 +169,13 @@ fn hostile_names_and_headers_and_endless_settings_do_no_harm() {
     }
 }
 
-/// A rate that no camera has says nothing of time: frames have none, and that is told once.
+/// A rate that no camera has gives no times: frames have none, and that is reported once.
 #[test]
 fn a_rate_that_cannot_be_is_not_believed() {
     let trial = Trial::new(0);
     write_avi(&trial.path("run.avi"), 3);
     let whole = fs::read(trial.path("run.avi")).expect("reads");
-    // Frames in so many seconds, as the stream's header has them.
+    // Frames in this many seconds, as in the stream's header.
     let at = whole.windows(4).position(|bytes| bytes == b"strh").expect("a header") + 8 + 20;
     for (frames, seconds, is_told) in [(1_000_000u32, 1u32, true), (1, 11, true), (1000, 1, false), (0, 1, false)] {
         let mut bytes = whole.clone();

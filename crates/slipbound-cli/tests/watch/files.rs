@@ -1,4 +1,4 @@
-//! What is written, and what is never overwritten or lost.
+//! Which files are written, and which are never overwritten or lost.
 
 use super::trial::{Ended, SENSOR, Trial, jpeg, states, write_avi};
 use serde_json::Value;
@@ -41,7 +41,7 @@ fn outputs_never_fall_on_what_is_read_or_on_each_other() {
     }
     assert!(before == files.map(|name| fs::read(trial.path(name)).expect("reads")), "a file was changed");
     assert_eq!(fs::read_dir(trial.path("run")).expect("a folder").count(), 3);
-    // Beside what is read, in a folder named as the finger is, and nowhere at all.
+    // Beside the inputs, in a folder named like the finger, and nowhere at all.
     trial.watch("run.avi", &["--overlay", "."]).expect(0, &[]);
     trial.watch("run", &["--overlay", SENSOR[1]]).expect(0, &[]);
     #[cfg(unix)]

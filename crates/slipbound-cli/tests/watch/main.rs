@@ -1,4 +1,4 @@
-//! The command from outside: what it prints, writes and returns, on whole and on damaged recordings.
+//! The command from outside: its messages, files and exit codes, on whole and on damaged recordings.
 
 mod arguments;
 mod damaged;
@@ -55,7 +55,7 @@ fn the_report_fits_the_published_schema_and_has_nothing_of_our_clock() {
     }
 }
 
-/// The example in the source, which is what rustdoc shows, has no key that a report does not have.
+/// The example in the source, which rustdoc shows, has only keys that a report has.
 #[test]
 fn the_line_that_the_documentation_shows_has_the_keys_of_the_schema() {
     fn keys<'a>(value: &'a serde_json::Value, of: &mut Vec<&'a str>) {

@@ -73,7 +73,7 @@ impl Trial {
     }
 }
 
-/// How the command ended.
+/// The outcome of the command.
 #[derive(Debug)]
 pub struct Ended {
     pub code: Option<i32>,
@@ -87,7 +87,7 @@ impl Ended {
         Ended { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
     }
 
-    /// Asserts the exit code, and that these words stand on standard error.
+    /// Asserts the exit code, and that these words are on standard error.
     #[track_caller]
     pub fn expect(&self, code: i32, said: &[&str]) -> &Self {
         assert_eq!(self.code, Some(code), "{self:?}");

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;
 
-/// Newtons for a mass of 1 kg accelerated by 1 mm/s2: the mass in tonnes per kilogram.
+/// Force in N that accelerates a mass of 1 kg by 1 mm/s2: tonnes per kilogram.
 const TONNES_PER_KG: f64 = 1e-3;
 
 /// Pose of the object.
@@ -71,19 +71,19 @@ pub struct Mount {
     pub damping_n_mm_s_per_rad: f64,
 }
 
-/// Springs and dampers of any kind between the object and the world, over (x in mm, y in mm, turn in rad). The force
-/// that the springs exert where the object now is belongs to the commanded wrench.
+/// Springs and dampers of any kind between the object and the world, over (x in mm, y in mm, turn in rad). The spring
+/// force at the object's present pose is part of the commanded wrench.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Springs {
-    /// Growth of the force against a displacement, symmetric and not negative, in N/mm, N and N mm/rad.
+    /// Increase of the force against a displacement, symmetric and not negative, in N/mm, N and N mm/rad.
     pub stiffness: [[f64; 3]; 3],
     /// Force against a velocity, the same in s.
     pub damping: [[f64; 3]; 3],
 }
 
-/// A line along which an object that else follows the commanded pose gives way: a screw that turns in its thread.
-/// Its coordinate r is counted from the commanded pose.
+/// A degree of freedom r of an object that otherwise follows the commanded pose: a screw that turns in its thread. r is
+/// counted from the commanded pose.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rail {
@@ -91,12 +91,12 @@ pub struct Rail {
     pub shift_mm: Vec2,
     /// Rotation in rad per unit of r.
     pub turn_rad: f64,
-    /// How far its lowest point rolls over its skin per unit of r, in mm: against the displacement where a round
-    /// profile stays in place while the skin walks. Pressure on the profile then does no work on r.
+    /// How far the lowest point rolls over the object's skin per unit of r, in mm: opposite to the displacement where a
+    /// round profile stays in place while its skin moves. Pressure on the profile then does no work on r.
     pub roll_mm: Vec2,
-    /// Generalised force along r at r = 0, beside that of the gel.
+    /// Generalised force along r at r = 0, in addition to that of the gel.
     pub push: f64,
-    /// Growth of the force against r, 0 or above.
+    /// Increase of the force against r, 0 or above.
     pub stiffness: f64,
     /// Force against the rate of r, in s, 0 or above; with the stiffness above 0.
     pub damping_s: f64,
@@ -113,9 +113,9 @@ pub enum Drive {
     Free(Inertia),
     /// A spring pulls it to the commanded pose, and the commanded wrench acts on it too.
     Mounted(Mount, Option<Inertia>),
-    /// The commanded wrench accelerates its mass, springs and dampers hold it back.
+    /// The commanded wrench accelerates its mass; springs and dampers restrain it.
     Sprung(Springs, Inertia),
-    /// It follows the commanded pose but for a line along which it gives way.
+    /// It follows the commanded pose except along one degree of freedom.
     Railed(Rail),
 }
 
@@ -195,9 +195,9 @@ impl Body {
         }
     }
 
-    /// What one implicit Euler step does to the body: (M/dt^2 + D/dt + K) dd = M v/dt + K (target - pose) + F - n Q,
-    /// hence dd = free - W n Q. `area` turns sums of tractions into forces; `on_profile` is the sum over the cells of what
-    /// pressure does in the plane by the profile.
+    /// One implicit Euler step of the body: (M/dt^2 + D/dt + K) dd = M v/dt + K (target - pose) + F - n Q, hence dd =
+    /// free - W n Q. `area` converts sums of tractions to forces; `on_profile` is the sum over the cells of the
+    /// in-plane traction that pressure exerts on the profile.
     pub(crate) fn step(
         &self,
         (pose, target): (Pose, Pose),
@@ -239,7 +239,8 @@ impl Body {
                 }
             }
         }
-        // How far it turns in this step is known when it is solved; a second pass has it, but for what the gel does.
+        // The rotation of this step is known only after the solution; a second pass uses it, but without the action of
+        // the gel.
         let mut turn = velocity.turn * dt;
         if let Some(inertia) = inertia.filter(|inertia| inertia.centre_of_mass_mm != Vec2::ZERO) {
             let (mut stiff, mut push) = (stiff, push);
@@ -257,9 +258,10 @@ impl Body {
 }
 
 impl Inertia {
-    /// Adds M/dt^2 to the stiffness of a step and M v/dt to what pushes. Force accelerates the centre of mass, torque about
-    /// it the rotation. The centre of mass is carried round the reference point: over a step it moves by turn times its
-    /// lever at half the turn, to third order, so that lever is taken, for this step, `next_rad` far, and for the last one. What the two levers differ by is the centripetal force.
+    /// Adds M/dt^2 to the stiffness of a step and M v/dt to the load. Force accelerates the centre of mass, torque
+    /// about it the rotation. The centre of mass moves on an arc about the reference point: over a step it moves by
+    /// turn times its lever at half the turn, to third order. That lever is used for this step, with a turn of
+    /// `next_rad`, and for the last one. The difference of the two levers gives the centripetal force.
     fn resist(
         &self,
         turn_rad: f64,
@@ -287,8 +289,9 @@ impl Inertia {
 }
 
 impl Rail {
-    /// (K + D/dt) r = push - n a . Q - n roll . S and dd = away + a r, with a the direction of the rail and S what
-    /// pressure does in the plane by the profile. `share` turns sums of tractions of one finger into the forces of all.
+    /// (K + D/dt) r = push - n a . Q - n roll . S and dd = away + a r, with a the direction of the rail and S the
+    /// in-plane traction of the pressure on the profile. `share` converts sums of tractions of one finger to the forces
+    /// of all.
     fn step(&self, away: Motion, dt: f64, share: f64, on_profile: Complex64) -> (Motion, Option<Resistance>) {
         let yields = 1.0 / (self.stiffness + self.damping_s / dt);
         let along = [self.shift_mm.x, self.shift_mm.y, self.turn_rad];
@@ -305,7 +308,7 @@ pub(crate) fn complex(v: Vec2) -> Complex64 {
     Complex64::new(v.x, v.y)
 }
 
-/// What turns a plane vector by `turn_rad` as its factor.
+/// The factor that rotates a plane vector by `turn_rad`.
 pub(super) fn rotation(turn_rad: f64) -> Complex64 {
     let (s, c) = libm::sincos(turn_rad);
     Complex64::new(c, s)
@@ -321,7 +324,7 @@ pub(crate) fn plane(z: Complex64) -> Vec2 {
     Vec2::new(z.re, z.im)
 }
 
-/// A small rigid displacement of the object, or what is conjugate to it: force and torque.
+/// A small rigid displacement of the object, or its conjugate: force and torque.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Motion {
     pub shift: Complex64,
@@ -344,13 +347,13 @@ impl Motion {
         self.turn += lever.re * traction.im - lever.im * traction.re;
     }
 
-    /// A load that is a sum of tractions over cells of an area in mm2.
+    /// The wrench of a load that is a sum of tractions over cells of an area in mm2.
     pub fn wrench(self, area: f64) -> Wrench {
         Wrench { force_n: plane(self.shift) * area, torque_n_mm: self.turn * area }
     }
 }
 
-/// W: how far the body gives way to the load on the gel, per sum of tractions over cells.
+/// W: compliance of the body to the load on the gel, per sum of tractions over cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Resistance {
     give: [[f64; 3]; 3],
@@ -367,7 +370,7 @@ fn times(matrix: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// Inverse of a matrix that has one.
+/// Inverse of a regular matrix.
 pub(crate) fn inverse(m: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let cofactor = |i: usize, j: usize| {
         let (r, s, t, u) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);

@@ -15,11 +15,11 @@ use std::sync::Arc;
 
 const ZERO: Complex64 = Complex64::new(0.0, 0.0);
 
-/// Farthest way of the object over the gel in one increment of a step, in mm. Force then is within 0.7 % of the limit of
-/// fine steps; ordinary scenes stay below it in whole steps.
+/// Largest travel of the object over the gel in one increment of a step, in mm. The force is then within 0.7 % of the
+/// limit of fine steps; ordinary scenes stay below this in whole steps.
 const MOST_WAY_MM: f64 = 0.06;
 
-/// Most increments of a step, enough for 230 mm/s in steps of 1/120 s: what is faster flies off.
+/// Most increments of a step, enough for 230 mm/s in steps of 1/120 s: a faster object flies off.
 const MOST_INCREMENTS_COUNT: u32 = 32;
 
 /// In-plane and normal parts of a displacement field.
@@ -35,7 +35,8 @@ impl Field {
     }
 }
 
-/// A part of a step. Creep and a rail go by the whole step, in which increments are stages of loading; mass by its own time.
+/// A part of a step. Creep and a rail use the duration of the whole step, in which increments are stages of loading;
+/// inertia uses that of the increment.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Increment {
     pub of_count: u32,
@@ -50,22 +51,23 @@ pub(super) struct CreepStep {
     pub gain: f64,
 }
 
-/// The part of the state that exists only when gel and interface yield differently.
+/// The part of the state that exists only if the compliances of gel and interface differ.
 #[derive(Debug, Clone)]
 pub(super) struct GelApart {
     pub response: Response,
     pub creep: Option<CreepStep>,
-    /// u_v, the crept part.
+    /// u_v, the creep part.
     pub crept: Field,
 }
 
-/// A finger in contact with an object. All memory is allocated in [`Finger::new`]; a clone is a branch of the run.
+/// A finger in contact with an object. All memory is allocated in [`Finger::new`]; a clone is an independent branch of
+/// the run.
 #[derive(Debug, Clone)]
 pub struct Finger {
     pub(super) settings: FingerSettings,
     pub(super) shape: Arc<dyn Shape>,
     pub(super) at_rest: Vec<Complex64>,
-    /// How far the gel lies below its middle at rest, mm; empty where it is flat as far as the grid.
+    /// How far the gel lies below its middle at rest, mm; empty if it is flat up to the border of the grid.
     pub(super) below: Vec<f64>,
     pub(super) interface: Responses,
     pub(super) apart: Option<GelApart>,
@@ -83,19 +85,19 @@ pub struct Finger {
     pub(super) pressure: Vec<f64>,
     pub(super) pressure_before: Vec<f64>,
     pub(super) traction: Vec<Complex64>,
-    /// Traction, and pressure, of the step before the last: loads mostly go on as they went.
+    /// Traction, and pressure, of the step before the last, for extrapolation.
     pub(super) traction_before: Vec<Complex64>,
-    /// Gradient of the gap, and what pressure does in the plane by it.
+    /// Gradient of the gap, and the in-plane traction of the pressure that follows from it.
     pub(super) slope: Vec<Complex64>,
     pub(super) push: Vec<Complex64>,
     /// Sum of the part of `push` that comes from the profile alone.
     pub(super) on_profile: Complex64,
     pub(super) bound: Vec<f64>,
-    /// Interface compliance; empty when friction has none.
+    /// Interface compliance; empty if friction has none.
     pub(super) give: Vec<f64>,
     pub(super) lever: Vec<Complex64>,
     pub(super) target: Vec<Complex64>,
-    /// Where each cell is held: the displacement a stuck cell should have, free of the solver's last error.
+    /// Stick displacement of each cell: the displacement a stuck cell should have, free of the solver's last error.
     pub(super) anchor: Vec<Complex64>,
     pub(super) of_pressure: Field,
     pub(super) of_traction: Field,
@@ -170,8 +172,8 @@ impl Finger {
         })
     }
 
-    /// Advances by one step to the command. Fails for negative forces and for numbers that are not finite, and then
-    /// changes nothing.
+    /// Advances by one step to the command. Fails for negative forces and for numbers that are not finite; the state is
+    /// then unchanged.
     pub fn step(&mut self, command: &Command) -> Result<&Truth, SettingError> {
         command.check()?;
         let before = self.begin_step();
@@ -185,7 +187,7 @@ impl Finger {
         Ok(&self.truth)
     }
 
-    /// Counts anew what is counted by steps; the truth before it.
+    /// Resets what is counted per step; returns the truth before it.
     pub(super) fn begin_step(&mut self) -> Truth {
         let before = self.truth;
         self.truth.dissipated_n_mm = 0.0;
@@ -201,8 +203,8 @@ impl Finger {
         self.asked = Some(*command);
     }
 
-    /// Into how many increments a step is divided. The gap follows the slip with a lag of one, which takes 8 % per mm off
-    /// the force of a sphere that slides; while nothing touches there is nothing to follow.
+    /// Number of increments of a step. The gap follows the slip with a lag of one increment, which would take 8 % per
+    /// mm off the force of a sliding sphere; without contact there is nothing to follow.
     pub(super) fn increments_count(&self, command: &Command) -> u32 {
         if self.cells.is_empty() {
             return 1;
@@ -216,11 +218,11 @@ impl Finger {
             Drive::Guided => commanded_mm,
             _ => carried_mm,
         };
-        // A number that is too large, or none, ends at the most.
+        // A value that is too large, or NaN, ends at a limit of the range.
         ((way_mm / MOST_WAY_MM).ceil() as u32).clamp(1, MOST_INCREMENTS_COUNT)
     }
 
-    /// The command from which this step leads to the next: where the object is, and what was asked before.
+    /// The command from which this step starts: the object's present pose, and the last command.
     pub(super) fn begun(&self, command: &Command) -> Command {
         let asked = self.asked.unwrap_or(*command);
         let guided = matches!(self.settings.body.drive, Drive::Guided | Drive::Railed(_));

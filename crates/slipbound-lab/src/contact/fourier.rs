@@ -8,10 +8,11 @@
 //!   sample n [ ...                 ]  [ ...                 ]      meets one of another signal
 //! ```
 //!
-//! Lengths are 2^a 3^b 5^c. Forward by decimation in frequency, in place, which leaves the frequencies in an order of their own
-//! ([`Fourier::places`]); inverse by decimation in time, which takes them in that order: nothing is ever sorted. The inverse is the
-//! forward transform with real and imaginary parts exchanged. Twiddle factors come from `libm`, each from an angle of at most an
-//! eighth of a turn. No product is contracted with a sum (Rust never does), so vectors of any width give the same bits.
+//! Lengths are 2^a 3^b 5^c. The forward transform is a decimation in frequency, in place, which leaves the frequencies
+//! in a permuted order ([`Fourier::places`]); the inverse is a decimation in time that takes them in that order, so
+//! nothing is ever sorted. The inverse is the forward transform with real and imaginary parts exchanged. Twiddle
+//! factors come from `libm`, each from an angle of at most an eighth of a turn. Products are never contracted with sums
+//! (Rust never does so), so vectors of any width give the same bits.
 
 use slipbound::pixels::wide::wide;
 use std::sync::Arc;
@@ -24,7 +25,7 @@ pub(super) type Lanes = [f64; LANES];
 
 pub(super) const NOTHING: Lanes = [0.0; LANES];
 
-/// Doubles in a cache line, at whose start a row begins: vectors that lie across two lines take twice as long to load.
+/// Doubles in a cache line. A row begins at the start of one: vectors across two lines take twice as long to load.
 const LINE: usize = 8;
 
 /// Samples of each signal.
@@ -46,7 +47,7 @@ impl Rows {
         [&rows[..self.count], &rows[self.count..2 * self.count]]
     }
 
-    /// The same, to be written.
+    /// The same, mutable.
     #[inline(always)]
     pub fn parts_mut(&mut self) -> [&mut [Lanes]; 2] {
         let from = aligned(&self.numbers);
@@ -65,7 +66,7 @@ impl Rows {
 }
 
 impl Clone for Rows {
-    /// Cache lines begin elsewhere in the copy.
+    /// The alignment to cache lines differs in the copy.
     fn clone(&self) -> Self {
         let mut copy = Rows::zeros(self.count);
         copy.parts_mut().into_iter().zip(self.parts()).for_each(|(to, from)| to.copy_from_slice(from));
@@ -73,7 +74,7 @@ impl Clone for Rows {
     }
 }
 
-/// The first number at the start of a cache line.
+/// Index of the first number at the start of a cache line.
 #[inline(always)]
 fn aligned(numbers: &[f64]) -> usize {
     numbers.as_ptr().align_offset(LINE * size_of::<f64>()).min(LINE - 1)
@@ -96,7 +97,7 @@ pub(super) struct Fourier {
 }
 
 impl Fourier {
-    /// Of a length 2^a 3^b 5^c.
+    /// A transform of a length 2^a 3^b 5^c.
     pub fn new(length: usize) -> Self {
         let (mut stages, mut span) = (Vec::new(), length);
         for radix in radices(length) {
@@ -127,8 +128,8 @@ impl Fourier {
     }
 }
 
-/// The factors of a length in the order of their stages. The last one has no twiddle factors, so it is the largest. An odd two
-/// joins another factor: alone it makes more loads and stores than sums.
+/// The factors of a length in the order of their stages. The last has no twiddle factors, so it is the largest. An odd
+/// factor of two is merged with another factor: alone it makes more loads and stores than sums.
 fn radices(length: usize) -> Vec<usize> {
     let (mut rest, mut radices) = (length, Vec::new());
     let odd_twos = length.trailing_zeros() % 2 == 1;
@@ -171,7 +172,7 @@ fn place(stages: &[Stage], k: usize) -> usize {
     }
 }
 
-/// A complex number: butterflies are written in those of one signal.
+/// A complex number of one signal: butterflies are written in these.
 type Number = [f64; 2];
 
 #[inline(always)]
@@ -239,7 +240,8 @@ fn of_five([a, b, c, d, e]: [Number; 5]) -> [Number; 5] {
 
 #[inline(always)]
 fn of_six([a, b, c, d, e, f]: [Number; 6]) -> [Number; 6] {
-    // Two and three have no common factor (I. J. Good, 1958): sample 3 i + 2 j, a half turn to the ik, a third to the jk.
+    // Two and three have no common factor (I. J. Good, 1958): sample 3 i + 2 j, a half turn to the ik, a third to the
+    // jk.
     let even = of_three([plus(a, d), plus(c, f), plus(e, b)]);
     let odd = of_three([minus(a, d), minus(c, f), minus(e, b)]);
     [even[0], odd[1], even[2], odd[0], even[1], odd[2]]
@@ -263,8 +265,8 @@ fn of_eight([a, b, c, d, e, f, g, h]: [Number; 8]) -> [Number; 8] {
     ]
 }
 
-/// Takes rows `span` apart through a function of numbers, lane by lane. In copies: so the compiler sees that no two of them are
-/// one row, and makes vectors of the loop.
+/// Applies a function of numbers to rows `span` apart, lane by lane. On copies, so that the compiler sees that no two
+/// of them are the same row, and vectorises the loop.
 #[inline(always)]
 fn butterfly<const R: usize>(
     [re, im]: [&mut [Lanes]; 2],
@@ -286,7 +288,7 @@ fn butterfly<const R: usize>(
     }
 }
 
-/// A stage of either kind: twiddle factors after the transforms or before.
+/// A stage of either kind: twiddle factors after the transforms or before them.
 #[inline(always)]
 #[expect(
     clippy::redundant_closure,
@@ -358,7 +360,7 @@ mod tests {
         (1..=160).map(|half| 2 * half).filter(|&length| smooth_even_at_least(length) == length)
     }
 
-    /// Numbers without structure, other ones for every signal.
+    /// Pseudo-random numbers, different for every signal.
     fn samples(length: usize) -> Rows {
         let mut rows = Rows::zeros(length);
         for (part, lanes) in rows.parts_mut().into_iter().enumerate() {
@@ -373,7 +375,7 @@ mod tests {
         rows.parts().into_iter().flatten().flatten().map(|number| number.to_bits()).collect()
     }
 
-    /// The sum of all samples' squares, of one signal.
+    /// Sum of the squares of all samples of one signal.
     fn power(rows: &Rows, lane: usize) -> f64 {
         rows.parts().into_iter().flatten().map(|lanes| lanes[lane] * lanes[lane]).sum()
     }
@@ -438,7 +440,7 @@ mod tests {
         }
     }
 
-    /// Exact at the quarters of a turn, and to rounding where they have a mirror image and for all their lengths.
+    /// Exact at the quarters of a turn; to rounding for symmetry and for their length.
     #[test]
     fn twiddle_factors_are_on_the_circle() {
         let quarters = [0, 2, 4, 6].map(|at| twiddle(at, 8));

@@ -14,7 +14,7 @@ pub enum Law {
         /// Coefficient mu, above 0; elastomers lie in 0.35 to 1.2.
         mu: f64,
     },
-    /// mu_k + (mu_s - mu_k) exp(-slip / D_c), times p: a contact that has slipped holds less; gives stick-slip.
+    /// mu_k + (mu_s - mu_k) exp(-slip / D_c), times p: the friction of a contact decreases with slip; gives stick-slip.
     SlipWeakening {
         /// mu_s before any slip, above 0.
         mu_static: f64,
@@ -40,8 +40,8 @@ pub enum Law {
 pub struct Friction {
     /// Bound of the traction.
     pub law: Law,
-    /// l_c in mm, 0 or above: how far a cell gives elastically before it slides (compliance l_c / bound). Rough
-    /// contacts show it (Prevost, Scheibert and Debregeas, arXiv 0809.3188); 0.01 to 0.05 are estimates.
+    /// l_c in mm, 0 or above: elastic displacement of a cell before it slides (compliance l_c / bound). Rough contacts
+    /// show it (Prevost, Scheibert and Debregeas, arXiv 0809.3188); 0.01 to 0.05 are estimates.
     pub yield_mm: f64,
 }
 
@@ -82,19 +82,20 @@ impl Friction {
         self.bound_on_slope_mpa(pressure_mpa, slipped_mm, Vec2::ZERO, Vec2::ZERO)
     }
 
-    /// The same where the surface is inclined: the bound of the part q of the in-plane traction that is friction.
+    /// The same on an inclined surface: the bound of the friction part q of the in-plane traction.
     ///
-    /// `pressure_mpa` is the vertical part p of all that acts, `slope` g the gradient of the gap, `direction` e that of
-    /// the friction on the gel, with a length from 0 to 1 by how much of the bound is used. Normal and tangential part of
-    /// the traction (p g + q, p) are, per area of the plane,
+    /// `pressure_mpa` is the vertical part p of the traction, `slope` g the gradient of the gap, `direction` e the
+    /// direction of the friction on the gel, with a length from 0 to 1 by how much of the bound is used. Normal and
+    /// tangential part of the traction (p g + q, p) are, per area of the plane,
     ///
     /// ```text
     ///   N = (p (1 + g^2) + g.q) / sqrt(1 + g^2)        T^2 = q^2 - (g.q)^2 / (1 + g^2)
     /// ```
     ///
-    /// and T <= c + m N for q along e is a bound for |q|: mu p (1 + g^2) / (sqrt(1 + g^2 - (g.e)^2) - mu g.e) for Coulomb's
-    /// law, which is tan(arctan mu +- the inclination) for a face that slides up or down, less its slope. Where a slope is
-    /// so steep that the gel would jam, the bound stops at 1.25 sqrt(1 + g^2) times that of the flat: 1.40 times at 27 degrees.
+    /// and T <= c + m N for q along e is a bound for |q|: mu p (1 + g^2) / (sqrt(1 + g^2 - (g.e)^2) - mu g.e) for
+    /// Coulomb's law, which is tan(arctan mu +- the inclination) for a face that slides up or down, minus its slope. On
+    /// a slope so steep that the gel would jam, the bound stops at 1.25 sqrt(1 + g^2) times that of the flat: 1.40
+    /// times at 27 degrees.
     pub fn bound_on_slope_mpa(&self, pressure_mpa: f64, slipped_mm: f64, slope: Vec2, direction: Vec2) -> f64 {
         if pressure_mpa <= 0.0 {
             return 0.0;
@@ -114,16 +115,16 @@ impl Friction {
     }
 }
 
-/// How much more friction a slope may give than its own area on the flat, at most: at mu 0.8 that of a slope of 12.7 degrees. Beyond, at the
-/// rims of a cap, gel would jam, store energy and snap free by turns: at 1.6 a cap pulled along its axis at 20 N and mu 1.2
-/// never slides as a whole, at 1.25 it does.
+/// Largest friction of a slope relative to that of its own area on the flat: at mu 0.8 that of a slope of 12.7 degrees.
+/// With a larger factor the gel at the rims of a cap would repeatedly jam, store energy and snap free: at 1.6 a cap
+/// pulled along its axis at 20 N and mu 1.2 never slides as a whole, at 1.25 it does.
 const JAM_FACTOR: f64 = 1.25;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Faces inclined by up to 15 degrees, slid up, down and across, against the statics of a wedge.
+    /// Faces inclined by up to 15 degrees, sliding up, down and across, against the statics of a wedge.
     #[test]
     fn an_inclined_face_slides_as_statics_says() {
         let friction = Friction::constant(0.8);
@@ -137,7 +138,7 @@ mod tests {
         }
         let steep = friction.bound_on_slope_mpa(0.1, 0.0, Vec2::new(5.0, 0.0), Vec2::new(1.0, 0.0));
         assert!(steep.is_finite() && steep > 0.08, "{steep}");
-        // Up a slope: where it stops, and how high it has come where edges are bevelled.
+        // Up a slope: the limit of the bound, and its value where edges are bevelled.
         let up = |degrees: f64| {
             let slope = Vec2::new(libm::tan(degrees.to_radians()), 0.0);
             friction.bound_on_slope_mpa(0.1, 0.0, slope, Vec2::new(1.0, 0.0)) / 0.08 * libm::cos(degrees.to_radians())

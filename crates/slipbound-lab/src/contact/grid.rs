@@ -1,4 +1,4 @@
-//! The grid of gel cells. It is Lagrangian: a cell is a piece of gel surface and keeps its number as it moves.
+//! The grid of gel cells. It is Lagrangian: a cell is a piece of gel surface and keeps its index as it moves.
 
 use crate::layer::above_zero;
 use serde::{Deserialize, Serialize};
@@ -21,8 +21,9 @@ pub struct Grid {
     pub height_cells: usize,
     /// Side of the square cells in mm.
     pub cell_mm: f64,
-    /// Cells along x of the periodic domain of the transforms, at least `width_cells` and even, 2^a 3^b 5^c: the rest is padding. The
-    /// response of a bonded layer dies out within 3 to 4 thicknesses, so 12 mm are enough for 3 mm of gel.
+    /// Cells along x of the periodic domain of the transforms, at least `width_cells` and even, 2^a 3^b 5^c: the rest
+    /// is padding. The response of a bonded layer decays within 3 to 4 thicknesses, so 12 mm are enough for 3 mm of
+    /// gel.
     pub padded_width_cells: usize,
     /// Cells along y of the periodic domain, at least `height_cells`.
     pub padded_height_cells: usize,
@@ -51,7 +52,7 @@ impl Grid {
         }
     }
 
-    /// A grid whose padding is at least `padding_mm` wide, at a size the transforms like (2^a 3^b 5^c, even).
+    /// A grid whose padding is at least `padding_mm` wide, with a size that the transforms support (2^a 3^b 5^c, even).
     pub fn padded(width_cells: usize, height_cells: usize, cell_mm: f64, padding_mm: f64) -> Self {
         let pad = (padding_mm / cell_mm).ceil() as usize;
         Grid {
@@ -63,7 +64,8 @@ impl Grid {
         }
     }
 
-    /// Refuses grids that are empty, too small, or whose padded size is below the size, odd, or no 2^a 3^b 5^c.
+    /// Refuses grids that are empty or too small, or whose padded size is below the size, odd, or not of the form 2^a
+    /// 3^b 5^c.
     pub fn check(&self) -> Result<(), SettingError> {
         let bad = |key: &str, got: usize, expected: String| {
             Err(SettingError { key: key.into(), got: got.to_string(), expected })
@@ -184,7 +186,7 @@ impl Region {
         }
     }
 
-    /// Numbers of the cells in it, row by row, for a grid `width_cells` wide.
+    /// Indices of its cells, row by row, for a grid `width_cells` wide.
     pub fn cells(self, width_cells: usize) -> impl Iterator<Item = usize> {
         (self.row..self.row + self.height_cells).flat_map(move |row| {
             let first = row * width_cells + self.column;

@@ -14,13 +14,13 @@ use slipbound::plane::Vec2;
 
 const ZERO: Complex64 = Complex64::new(0.0, 0.0);
 
-/// Cells around the last contact on which the next one is first looked for.
+/// Margin in cells around the last contact in which the next contact is searched for first.
 const GROWTH_CELLS: usize = 3;
 
-/// Cells whose gap is asked for at a time.
+/// Cells whose gap is computed at a time.
 const CHUNK_CELLS: usize = 64;
 
-/// Where an object is on the gel.
+/// Pose of an object on the gel.
 #[derive(Debug, Clone, Copy)]
 struct Place {
     /// From the gel's axes to the object's.
@@ -30,7 +30,7 @@ struct Place {
 }
 
 impl Place {
-    /// A point of the gel from the object's lowest point, and on its skin, in the object's axes.
+    /// Position of a point of the gel relative to the object's lowest point, and on its skin, in the object's axes.
     #[inline(always)]
     fn of(&self, at: Complex64) -> (Vec2, Vec2) {
         let skin = self.back * (at - self.origin);
@@ -39,14 +39,14 @@ impl Place {
 }
 
 impl Finger {
-    /// Goes on by a part of a step.
+    /// Advances by a part of a step.
     pub(super) fn advance(&mut self, command: &Command, increment: Increment) {
         self.touch(command, increment);
         let (motion, held) = self.hold(command, increment);
         self.follow(command, motion, held, increment);
     }
 
-    /// Gap, pressure and friction bounds, where the last increment left the object.
+    /// Gap, pressure and friction bounds at the object's pose after the last increment.
     pub(super) fn touch(&mut self, command: &Command, increment: Increment) {
         self.find_gap(command);
         self.foresee_pressure();
@@ -54,8 +54,8 @@ impl Finger {
         self.bound_friction(command, increment);
     }
 
-    /// Displacement, slip and numbers once tractions and motion are known. Returns the work of friction on the motion, and
-    /// the most that it could do, per cell area.
+    /// Displacement, slip and numbers once tractions and motion are known. Returns the work of friction on the motion,
+    /// and the largest possible work, per cell area.
     pub(super) fn follow(&mut self, command: &Command, motion: Motion, held: Held, increment: Increment) -> (f64, f64) {
         self.displace(increment.last);
         let used = self.slide(motion);
@@ -63,8 +63,9 @@ impl Finger {
         used
     }
 
-    /// Gap of every cell at zero depth without pressure: the object's height over each piece of gel where that
-    /// piece is now, plus what its rounded edge, the last tractions and creep add to the depth.
+    /// Gap of every cell at zero depth without pressure: the object's height over each piece of gel at the present
+    /// position of that piece, plus the contributions of the gel's rounded edge, the last tractions and creep to the
+    /// depth.
     fn find_gap(&mut self, command: &Command) {
         let place = self.place(command);
         let mut points = [(Vec2::ZERO, Vec2::ZERO); CHUNK_CELLS];
@@ -85,7 +86,7 @@ impl Finger {
         }
     }
 
-    /// Where the object is, as the last increment left it.
+    /// Pose of the object after the last increment.
     fn place(&self, command: &Command) -> Place {
         let pose = self.truth.pose;
         let mounting = self.settings.shape_in_object;
@@ -96,7 +97,7 @@ impl Finger {
         Place { back, origin, roll: back * complex(command.roll_mm) }
     }
 
-    /// First guess of the pressure: it goes on as it went, in cells that keep some.
+    /// First guess of the pressure: extrapolated, in cells that keep some.
     fn foresee_pressure(&mut self) {
         for (pressure, before) in self.pressure.iter_mut().zip(&mut self.pressure_before) {
             let last = *pressure;
@@ -108,7 +109,7 @@ impl Finger {
         }
     }
 
-    /// Pressure and what it does. The window around the last contact is tried first, then the whole grid.
+    /// Pressure and its effects. The window around the last contact is tried first, then the whole grid.
     fn press(&mut self, grip: Grip) {
         let grid = self.settings.grid;
         let (stride, stop, area) = (grid.width_cells, self.settings.normal_stop, grid.cell_area_mm2());
@@ -137,7 +138,7 @@ impl Finger {
             let missed = (0..grid.cells_count()).any(|i| {
                 self.pressure[i] == 0.0 && self.gap[i] + field.depth[i] < floor && !window.contains(i, stride)
             });
-            // On the whole grid, what is left is the solver's own tolerance.
+            // On the whole grid the remaining error is the solver's own tolerance.
             if window == whole || (pressed.converged && !missed) {
                 self.window = data;
                 self.truth.depth_mm = pressed.depth_mm;
@@ -149,9 +150,9 @@ impl Finger {
         }
     }
 
-    /// The contact, what pressure does in its plane, and what friction can carry in it. The slope is that of the gap
-    /// that was found, the direction of friction that of the step before. A cell that has left the contact forgets its
-    /// traction and slip.
+    /// The contact, the in-plane traction of its pressure, and its friction bounds. The slope is that of the gap just
+    /// found, the direction of friction that of the step before. A cell that has left the contact loses its traction
+    /// and slip.
     fn bound_friction(&mut self, command: &Command, increment: Increment) {
         self.cells.clear();
         self.on_profile = ZERO;
@@ -191,14 +192,14 @@ impl Finger {
         if !self.give.is_empty() {
             for &i in &self.cells {
                 let i = i as usize;
-                // The rim, where the bound goes to 0, is kept from being infinitely soft.
+                // At the rim, where the bound goes to 0, this keeps the compliance finite.
                 self.give[i] = friction.yield_mm / self.bound[i].max(0.01 * most);
             }
         }
     }
 
-    /// How the object would move without tractions, and how it gives way to them. `on_profile` is the sum of what pressure
-    /// does by the profile, over the fingers that are computed.
+    /// The motion of the object without tractions, and its compliance to them. `on_profile` is the sum of the in-plane
+    /// traction of the pressure on the profile, over the fingers that are computed.
     pub(super) fn free_motion(
         &self,
         command: &Command,
@@ -214,7 +215,7 @@ impl Finger {
         settings.body.step((pose, command.pose), command.wrench, self.velocity, step_s, area, on_profile)
     }
 
-    /// First guess of the tractions: they go on as they went. Where every cell is held when the object moves by `free`.
+    /// First guess of the tractions by extrapolation; stick position of every cell if the object moves by `free`.
     pub(super) fn aim(&mut self, free: Motion) {
         let origin = complex(self.truth.pose.position_mm);
         let crept = match &self.apart {
@@ -229,7 +230,7 @@ impl Finger {
             self.lever[i] = self.at_rest[i] + self.relative[i] - origin;
             self.target[i] = self.anchor[i] + free.at(self.lever[i]) - self.of_pressure.shift[i];
             if !self.give.is_empty() {
-                // Friction alone shears the interface.
+                // Only friction shears the interface.
                 self.target[i] += self.push[i] * self.give[i];
             }
             if let Some((keep, crept)) = crept {
@@ -278,7 +279,7 @@ impl Finger {
         self.relax(Some(area), last);
     }
 
-    /// Puts the displacement together: pressure, traction, creep.
+    /// Adds up the displacement: pressure, traction, creep.
     fn relax(&mut self, area: Option<Area>, last: bool) {
         let Finger { gel, relative, of_pressure, of_traction, .. } = self;
         for (i, relative) in relative.iter_mut().enumerate() {
@@ -293,9 +294,9 @@ impl Finger {
             }
         }
         if !last {
-            return; // creep, and what the gel shows, is that of the whole step
+            return; // creep, and the gel's visible displacement, are those of the whole step
         }
-        // The gel's own immediate displacement; `target` and `gap` are free as scratch until the next step.
+        // The gel's own immediate displacement; `target` and `gap` serve as scratch until the next step.
         gel.shift.fill(ZERO);
         gel.depth.fill(0.0);
         if let Some(area) = area {
@@ -317,8 +318,8 @@ impl Finger {
         }
     }
 
-    /// Who slid in this step, and how far. Returns the work of friction on the motion and the most that it could do, both
-    /// per cell area.
+    /// Which cells slid in this step, and how far. Returns the work of friction on the motion and the largest possible
+    /// work, both per cell area.
     fn slide(&mut self, motion: Motion) -> (f64, f64) {
         let (mut heat, mut done, mut most, mut reach) = (0.0, 0.0, 0.0, 0.0f64);
         let mut load = Motion::ZERO;
@@ -379,7 +380,7 @@ impl Finger {
         }
     }
 
-    /// What the cells add up to at the end of a step.
+    /// Sums over the cells at the end of a step.
     fn account_cells(&mut self) {
         let grid = self.settings.grid;
         let area = grid.cell_area_mm2();

@@ -38,11 +38,11 @@ pub struct Stop {
     /// Largest error left, as a fraction: of the largest displacement for the gap, of the largest friction bound
     /// for the traction. Between 1e-14 and 0.1.
     pub tolerance_fraction: f64,
-    /// Iterations after which it gives up and says so. 1 or more.
+    /// Iterations after which it gives up and reports no convergence. 1 or more.
     pub most_iterations_count: u32,
 }
 
-/// How a normal solution came out.
+/// Result of a normal solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Pressed {
     pub depth_mm: f64,
@@ -65,8 +65,8 @@ impl Normal {
         Normal { depth: field(), direction: field(), answer: field(), misfit: field() }
     }
 
-    /// Solves on a window. `gap` is the gap at zero depth without pressure (infinite beside the object);
-    /// `pressure` comes in as the first guess and goes out as the solution; it must be zero outside the window.
+    /// Solves on a window. `gap` is the gap at zero depth without pressure (infinite beside the object); `pressure` is
+    /// the first guess on entry and the solution on return; it must be zero outside the window.
     #[allow(clippy::too_many_arguments)] // the operands of the equation; a struct would only rename them
     pub fn solve(
         &mut self,
@@ -106,7 +106,7 @@ impl Normal {
 
         let (mut conjugate, mut before, mut depth_mm) = (0.0, 1.0, 0.0);
         for iterations in 0..=stop.most_iterations_count {
-            // Misfit of the gap; under force control the depth is the mean over the contact.
+            // Residual of the gap; under force control the depth is the mean over the contact.
             let (mut sum, mut count, mut peak) = (0.0, 0usize, 0.0f64);
             for i in window.cells(stride) {
                 self.misfit[i] = gap[i] + self.depth[i];
@@ -185,7 +185,7 @@ impl Normal {
         Pressed { depth_mm, iterations: stop.most_iterations_count, converged: false }
     }
 
-    /// The old pressure at the new load; from nothing, a layer of springs as stiff as the contact will be.
+    /// The old pressure scaled to the new load; without an old one, a layer of springs as stiff as the contact will be.
     #[allow(clippy::too_many_arguments)] // as `solve`
     fn first_guess(
         &mut self,
@@ -197,7 +197,7 @@ impl Normal {
         grip: Grip,
         pressure: &mut [f64],
     ) {
-        // The object may have moved off cells it pressed on.
+        // The object may have left cells that were under pressure.
         window.cells(stride).filter(|&i| gap[i].is_infinite()).for_each(|i| pressure[i] = 0.0);
         let old: f64 = window.cells(stride).map(|i| pressure[i]).sum();
         match grip {

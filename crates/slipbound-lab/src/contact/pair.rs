@@ -1,4 +1,4 @@
-//! Two fingers that differ and hold one object between them.
+//! Two different fingers that hold one object between them.
 //!
 //! ```text
 //!   left:  gap, pressure, bounds --.                                    .--> displacement, slip, truth
@@ -7,11 +7,11 @@
 //! ```
 //!
 //! The jaws close with one force, so both pads carry the same normal force. In the plane they share the motion of the
-//! object, and what both exert on it balances its load and its inertia: who carries how much comes out of the solution.
-//! That is the same convex problem as for one finger (see `tangential`), over the contact cells of both.
+//! object, and their total load on it balances its external load and its inertia: the solution determines the share of
+//! each pad. This is the same convex problem as for one finger (see `tangential`), over the contact cells of both.
 //!
-//! The right pad is computed in axes in which it would be the left one if it were alike; its readings are in these. In
-//! the plane of the left finger they may be turned, as a pad is that is not mounted straight.
+//! The right pad is computed in axes in which it would equal the left one if both were identical; its results are in
+//! these axes. They may be rotated in the plane of the left finger, if a pad is not mounted straight.
 
 use super::body::{Body, Motion, Wrench, complex, plane, rotation};
 use super::finger::{Finger, Increment};
@@ -29,7 +29,7 @@ const ZERO: Complex64 = Complex64::new(0.0, 0.0);
 #[derive(Debug, Clone)]
 pub struct FingerPair {
     fingers: [Finger; 2],
-    /// Of the right pad against the left one, in rad, and as a unit number.
+    /// Rotation of the right pad relative to the left one, in rad, and as a unit complex number.
     turn_rad: f64,
     turned: Complex64,
     tangential: Tangential,
@@ -45,14 +45,14 @@ struct Joint {
     bound: Vec<f64>,
     target: Vec<Complex64>,
     lever: Vec<Complex64>,
-    /// Empty when friction has none.
+    /// Empty if friction has none.
     give: Vec<f64>,
     traction: Vec<Complex64>,
     /// The tractions on the right pad in its own axes.
     right: Vec<Complex64>,
 }
 
-/// The surfaces of both gels; None where nothing touches one.
+/// The surfaces of both gels; None for a gel without contact.
 struct BothSurfaces<'a> {
     left: Option<OneSurface<'a>>,
     right: Option<OneSurface<'a>>,
@@ -77,9 +77,9 @@ impl Surface for BothSurfaces<'_> {
 }
 
 impl FingerPair {
-    /// Two fingers at rest with an object above them: the settings of the left and the right one, which differ in gel and
-    /// friction alone, and by how much the right pad is turned about the closing direction against the left one, in rad.
-    /// Refuses what either finger cannot be.
+    /// Two fingers at rest with an object above them: the settings of the left and the right one, which may differ only
+    /// in gel and friction, and the rotation of the right pad about the closing direction relative to the left one, in
+    /// rad. Refuses invalid settings of either finger.
     pub fn new(
         settings: [FingerSettings; 2],
         turn_rad: f64,
@@ -115,31 +115,31 @@ impl FingerPair {
         })
     }
 
-    /// A finger: 0 left, 1 right; the last one beyond.
+    /// A finger: 0 left, 1 right; a larger index gives the right one.
     pub fn finger(&self, finger: usize) -> &Finger {
         &self.fingers[finger.min(1)]
     }
 
-    /// What is known of both after the last step, as of one of two fingers that were alike: in the axes of the left finger,
-    /// forces and areas per finger in the mean, ratios of both together, the largest pressure and strain of either. At
-    /// gross slip both slide.
+    /// Ground truth of both fingers after the last step, in the form of one of two identical fingers: in the axes of
+    /// the left finger, forces and areas as the mean per finger, ratios of both together, the largest pressure and
+    /// strain of either. Gross slip means that both slide.
     pub fn truth(&self) -> &Truth {
         &self.truth
     }
 
-    /// By how much the right pad is turned against the left one, in rad.
+    /// Rotation of the right pad relative to the left one, in rad.
     pub fn turn_rad(&self) -> f64 {
         self.turn_rad
     }
 
-    /// Changes the body that both hold; its count of fingers does not matter. Refuses numbers outside their ranges.
+    /// Changes the body that both hold; its number of fingers is ignored. Refuses numbers outside their ranges.
     pub fn set_body(&mut self, body: Body) -> Result<(), SettingError> {
-        // The loads of both are added up, none is counted twice.
+        // The loads of both are added up, each counted once.
         let body = Body { fingers_count: 1, ..body };
         self.fingers.iter_mut().try_for_each(|finger| finger.set_body(body))
     }
 
-    /// Advances by one step to what is commanded, in the axes of the left finger. Refuses what [`Finger::step`] does.
+    /// Advances by one step to the command, in the axes of the left finger. Fails as [`Finger::step`] does.
     pub fn step(&mut self, command: &Command) -> Result<&Truth, SettingError> {
         command.check()?;
         let commands = [*command, self.to_right(command)];
@@ -161,7 +161,7 @@ impl FingerPair {
         Ok(&self.truth)
     }
 
-    /// Work of friction on the motion of the object, and the most that it could do.
+    /// Work of friction on the motion of the object, and the largest possible work.
     fn advance(&mut self, commands: &[Command; 2], increment: Increment) -> (f64, f64) {
         for (finger, command) in self.fingers.iter_mut().zip(commands) {
             finger.touch(command, increment);
@@ -217,7 +217,7 @@ impl FingerPair {
         }
     }
 
-    /// Puts the truth of both together.
+    /// Combines the ground truth of both.
     fn account(&mut self, (done, most): (f64, f64)) {
         let [left, right] = [0, 1].map(|i| self.fingers[i].truth);
         let out = |v: Vec2| plane(complex(v) * self.turned);
@@ -252,13 +252,13 @@ impl FingerPair {
 }
 
 impl Joint {
-    /// Takes over the data of both fingers.
+    /// Collects the data of both fingers.
     fn gather(&mut self, fingers: [&Finger; 2], turned: Complex64) {
         self.cells.clear();
         let count = self.right.len();
         for (first, finger, turn) in [(0, fingers[0], Complex64::new(1.0, 0.0)), (count, fingers[1], turned)] {
             self.cells.extend(finger.cells.iter().map(|&i| i + first as u32));
-            // Tractions beside the contact are 0, and have to be: the surface takes all of them.
+            // Tractions outside the contact must be 0, because the surface uses all of them.
             for (i, q) in finger.traction.iter().enumerate() {
                 self.traction[first + i] = q * turn;
             }
@@ -275,7 +275,7 @@ impl Joint {
         }
     }
 
-    /// Hands both fingers their tractions; the load of each in its own axes.
+    /// Returns the tractions to both fingers; the load of each in its own axes.
     fn scatter(&self, fingers: [&mut Finger; 2], turned: Complex64) -> [Motion; 2] {
         let count = self.right.len();
         let back = [Complex64::new(1.0, 0.0), turned.conj()];
@@ -291,13 +291,13 @@ impl Joint {
     }
 }
 
-/// The gel of a finger; None where nothing touches it.
+/// The gel of a finger; None without contact.
 fn surface(finger: &mut Finger) -> Option<OneSurface<'_>> {
     let (window, stride) = (finger.window?, finger.settings.grid.width_cells);
     Some(OneSurface { response: finger.interface.for_window(window), window, stride })
 }
 
-/// A motion in axes turned by a unit number.
+/// A motion in axes rotated by a unit complex number.
 fn turned(motion: Motion, by: Complex64) -> Motion {
     Motion { shift: motion.shift * by, turn: motion.turn }
 }

@@ -163,7 +163,7 @@ impl Path {
         let mut begin_s = 0.0;
         for leg in &self.legs {
             let end_s = begin_s + leg.seconds_s;
-            // The end of a leg is met exactly, whatever the rounding of the times: a release ends at 0 N.
+            // The end of a leg is reached exactly, whatever the rounding of the times: a release ends at 0 N.
             let share = if time_s > end_s - 1e-9 { 1.0 } else { ((time_s - begin_s) / leg.seconds_s).max(0.0) };
             let change = &leg.change;
             now.grip = match (change.grip_to_n, change.grip_to_depth_mm, now.grip) {

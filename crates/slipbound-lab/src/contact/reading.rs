@@ -1,4 +1,4 @@
-//! Reading a finger after a step: numbers, fields per cell, displacement anywhere.
+//! Results of a finger after a step: numbers, fields per cell, displacement anywhere.
 
 use super::body::{Body, plane};
 use super::finger::Finger;
@@ -71,7 +71,7 @@ impl Finger {
         plane(self.slip[cell])
     }
 
-    /// Length of the way the object has slid over a cell since it came into contact, in mm.
+    /// Path length that the object has slid over a cell since it came into contact, in mm.
     pub fn slipped_mm(&self, cell: usize) -> f64 {
         self.slipped[cell]
     }
@@ -81,8 +81,8 @@ impl Finger {
         Displacement { shift_mm: plane(self.gel.shift[cell]), depth_mm: self.gel.depth[cell] }
     }
 
-    /// Displacement of the piece of gel that lies at `rest_mm` when nothing touches it, bilinear between the middles
-    /// of cells; beyond the outermost ones, theirs.
+    /// Displacement of the piece of gel that is at `rest_mm` without contact, bilinear between the cell centres and
+    /// constant beyond the outermost ones.
     pub fn displacement_at(&self, rest_mm: Vec2) -> Displacement {
         let grid = &self.settings.grid;
         let place = |at_mm: f64, half_mm: f64, cells: usize| {

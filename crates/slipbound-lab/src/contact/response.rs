@@ -1,4 +1,4 @@
-//! How the whole surface yields to tractions: convolutions with the compliance, done in Fourier space.
+//! Displacement of the whole surface under tractions: convolutions with the compliance, computed in Fourier space.
 
 use super::fourier::{LANES, Rows};
 use super::grid::{Grid, Region, smooth_even_at_least};
@@ -8,7 +8,7 @@ use num_complex::Complex64;
 use slipbound::pixels::wide::wide;
 use std::sync::Arc;
 
-/// Waves on either side, in either direction, that are added to the one a grid can resolve.
+/// Number of aliases on either side, in each direction, that are added to the wave that a grid can resolve.
 const ALIASES: i32 = 3;
 
 const ZERO: Complex64 = Complex64::new(0.0, 0.0);
@@ -27,7 +27,7 @@ pub(crate) struct Kernel {
 }
 
 impl Kernel {
-    /// Two by two, the odd ones last.
+    /// Kernels in pairs, the odd ones last.
     fn pairs(self) -> [Complex64; 3] {
         let Kernel { xx, xy, yy, zz, xz, yz } = self;
         [Complex64::new(xx, yy), Complex64::new(xy, zz), Complex64::new(xz, yz)]
@@ -38,7 +38,7 @@ impl Kernel {
     }
 }
 
-/// Compliance at one wave number: the spectra of even kernels are real, those of odd ones i times these.
+/// Compliance at one wave number: the spectra of even kernels are real, those of odd kernels are i times these.
 #[derive(Debug, Clone, Copy, Default)]
 struct Wave {
     xx: f64,
@@ -49,7 +49,8 @@ struct Wave {
     yz: f64,
 }
 
-/// Compliance at the waves of every block of [`Lines`], in their order, divided by what a transform there and back multiplies by.
+/// Compliance at the waves of every block of [`Lines`], in their order, divided by the gain of a forward and an inverse
+/// transform.
 #[derive(Debug)]
 struct Waves {
     /// xx and yy, xy and zz, xz and yz.
@@ -73,7 +74,7 @@ impl Waves {
         Waves { pairs }
     }
 
-    /// Numbers of a block: xx and yy, xy and zz, or xz and yz.
+    /// Values of a block: xx and yy, xy and zz, or xz and yz.
     fn of_block(&self, pair: usize, block: usize) -> [&[f64]; 2] {
         flat(&self.pairs[pair][block])
     }
@@ -121,11 +122,11 @@ fn flat_mut(rows: &mut Rows) -> [&mut [f64]; 2] {
 #[derive(Debug, Clone)]
 pub(crate) struct Response {
     pub(super) transform: Transform,
-    /// Fingers of one gel share them.
+    /// Shared by fingers with the same gel.
     waves: Arc<Waves>,
     /// Along x, along y, into the gel: tractions and then displacements.
     lines: [Lines; 3],
-    /// A block of each.
+    /// One block of each.
     blocks: [Rows; 3],
     pub most_width: usize,
     pub most_height: usize,
@@ -184,13 +185,13 @@ impl Response {
         Response { transform, waves: Arc::new(waves), lines, blocks, most_width, most_height }
     }
 
-    /// The same response for windows of at most `most_width` x `most_height` cells on smaller transforms: the
-    /// kernel is cut out in space, so the results differ by rounding alone.
+    /// The same response for windows of at most `most_width` x `most_height` cells on smaller transforms. The kernel is
+    /// truncated in space, so the results differ only by rounding.
     pub fn cut_to(&self, most_cells: [usize; 2]) -> Self {
         self.in_space().cut_to(most_cells)
     }
 
-    /// Its kernel, back in space.
+    /// Its kernel, transformed back to space.
     pub(super) fn in_space(&self) -> InSpace {
         let mut transform = self.transform.clone();
         let (nx, ny) = (transform.nx, transform.ny);
@@ -215,7 +216,7 @@ impl Response {
         InSpace { nx, ny, fields }
     }
 
-    /// Points of the transforms: what a convolution costs.
+    /// Points of the transforms: the cost of a convolution.
     pub fn points_count(&self) -> usize {
         self.transform.nx * self.transform.ny
     }
@@ -259,7 +260,7 @@ impl Response {
         transform.vectors([along, across], window, stride, shift);
     }
 
-    /// Everything the pressure does: u_x + i u_y and u_z on the window. `data` holds all cells under pressure.
+    /// All effects of the pressure: u_x + i u_y and u_z on the window. `data` contains all cells under pressure.
     pub fn all_of_pressure(
         &mut self,
         area: Area,
@@ -279,7 +280,7 @@ impl Response {
         self.displacement(area.window, stride, shift, depth);
     }
 
-    /// Everything the in-plane traction does: u_x + i u_y and u_z on the window.
+    /// All effects of the in-plane traction: u_x + i u_y and u_z on the window.
     pub fn all_of_traction(
         &mut self,
         area: Area,
@@ -362,8 +363,8 @@ impl InSpace {
     }
 }
 
-/// Displacement at the middles of cells by traction that is uniform over each cell, for one wave number of the
-/// grid, times a factor: the sum over all waves that look the same on the grid, each weighted by the transform of a cell.
+/// Displacement at the cell centres by traction that is uniform over each cell, for one wave number of the grid, times
+/// a factor: the sum over all aliases of the wave, each weighted by the transform of a cell.
 fn sampled(grid: &Grid, kx: usize, ky: usize, compliance: &impl Fn(f64) -> Compliance, factor: f64) -> Wave {
     let (wx, wy, nyquist) = grid.wave(kx, ky);
     let period = std::f64::consts::TAU / grid.cell_mm;
@@ -403,7 +404,7 @@ mod tests {
     const GRID: Grid =
         Grid { width_cells: 20, height_cells: 17, cell_mm: 0.5, padded_width_cells: 40, padded_height_cells: 36 };
 
-    /// Repeatable numbers without structure, between -1 and 1.
+    /// Repeatable pseudo-random numbers between -1 and 1.
     fn noise(seed: u64) -> impl FnMut() -> f64 {
         let mut state = seed;
         move || {
@@ -443,7 +444,7 @@ mod tests {
     #[test]
     fn convolution_is_the_sum_over_cells() {
         let mut next = noise(7);
-        // Even kernels are equal at opposite offsets, odd ones opposite.
+        // Even kernels are equal at opposite offsets, odd kernels have opposite signs.
         let table: Vec<[f64; 6]> = (0..40 * 40).map(|_| std::array::from_fn(|_| next())).collect();
         let kernel = |dx: isize, dy: isize| {
             let (flip, x, y) = if (dy, dx) < (0, 0) { (-1.0, -dx, -dy) } else { (1.0, dx, dy) };

@@ -1,26 +1,26 @@
-//! One response at several sizes: a small contact is solved on small transforms. Made once for a gel and kept, as every
-//! trial asks for the same few again and they take longer than a second of contact.
+//! One response at several sizes: a small contact is solved on small transforms. Responses of a gel are cached: every
+//! trial needs the same few, and computing them takes longer than a second of contact.
 
 use super::grid::{Grid, Region, smooth_even_at_least};
 use super::response::Response;
 use crate::layer::{Compliance, Gel, SoftObject};
 use std::sync::{Mutex, PoisonError};
 
-/// Gels kept ready. Trials of an evaluation have at most a handful: the gel alone, and with each soft object.
+/// Cached gels. Trials of an evaluation have at most a handful: the gel alone, and with each soft object.
 const KEPT_COUNT: usize = 8;
 
-/// What the surfaces in contact are made of, and how they are computed.
+/// Materials of the surfaces in contact, and how they are computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Material {
     pub grid: Grid,
     pub gel: Gel,
-    /// By how much a gel that creeps yields more within a step; 1 for one that does not.
+    /// Factor by which creep increases the gel's compliance within a step; 1 without creep.
     pub yields: f64,
     pub soft_object: Option<SoftObject>,
 }
 
 impl Material {
-    /// Of gel and object together.
+    /// Compliance of gel and object together.
     fn compliance(&self, k_rad_per_mm: f64) -> Compliance {
         let gel = self.gel.compliance(k_rad_per_mm);
         let object = self.soft_object.map_or(Compliance::default(), |object| object.compliance(k_rad_per_mm));
@@ -36,15 +36,15 @@ impl Material {
 /// The response of a material on windows of every size.
 #[derive(Debug, Clone)]
 pub(super) struct Responses {
-    /// From the cheapest to the dearest; the last one fits the whole grid.
+    /// In order of increasing cost; the last one fits the whole grid.
     sizes: Vec<Response>,
 }
 
-/// Those made last, the latest at the end.
+/// The most recent ones, the latest at the end.
 static KEPT: Mutex<Vec<(Material, Responses)>> = Mutex::new(Vec::new());
 
 impl Responses {
-    /// The response of a material: a copy of what is kept, or made now, outside the lock.
+    /// The response of a material: a copy of the cached one, or computed here, outside the lock.
     pub fn of(material: &Material) -> Self {
         let kept = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, found)) = kept().iter().find(|(known, _)| known == material) {
@@ -60,7 +60,7 @@ impl Responses {
         made
     }
 
-    /// The response and its cuts to 1/8, 1/4, ... of the padded size.
+    /// The response and its truncations to 1/8, 1/4, ... of the padded size.
     fn new(whole: Response) -> Self {
         let steps = |n: usize| [n / 8, n * 3 / 16, n / 4, n * 3 / 8, n / 2];
         let in_space = whole.in_space();

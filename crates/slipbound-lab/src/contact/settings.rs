@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;
 
-/// Where the gel ends, about the middle of the grid. Beyond it nothing touches.
+/// Extent of the gel about the middle of the grid. There is no contact beyond it.
 ///
 /// ```text
 ///            object
@@ -28,7 +28,7 @@ pub struct GelEdge {
 }
 
 impl GelEdge {
-    /// How far the surface of the gel lies below its middle there, in mm; infinite beside the gel.
+    /// How far the surface of the gel lies below its middle at a position, in mm; infinite beside the gel.
     pub fn below_mm(&self, place_mm: Vec2) -> f64 {
         let into = |half: f64, at: f64| (at.abs() - (half - self.radius_mm)).max(0.0);
         let (x, y) = (into(self.half_mm.x, place_mm.x), into(self.half_mm.y, place_mm.y));
@@ -57,7 +57,7 @@ impl GelEdge {
 pub struct FingerSettings {
     /// Cells of the gel.
     pub grid: Grid,
-    /// Where the gel ends; None where that is beyond the grid.
+    /// Extent of the gel; None if it extends beyond the grid.
     pub edge: Option<GelEdge>,
     /// The gel.
     pub gel: Gel,
@@ -67,9 +67,10 @@ pub struct FingerSettings {
     pub friction: Friction,
     /// How the object moves.
     pub body: Body,
-    /// Where the shape sits in the object's frame, whose pose is commanded.
+    /// Pose of the shape in the object's frame, whose pose is commanded.
     pub shape_in_object: Pose,
-    /// Length of a step in s, above 0. 1/120 is four steps a frame at 30 Hz: as dear as one long step, and finer.
+    /// Length of a step in s, above 0. 1/120 is four steps a frame at 30 Hz: as expensive as one long step, and more
+    /// accurate.
     pub substep_s: f64,
     /// When the normal solver stops.
     pub normal_stop: Stop,
@@ -165,17 +166,17 @@ fn check_pose(key: &str, pose: &Pose) -> Result<(), SettingError> {
 pub struct Command {
     /// Force or depth that holds it against the gel.
     pub grip: Grip,
-    /// Where a guided object is, or the hand of a mounted one.
+    /// Pose of a guided object, or of the hand of a mounted one.
     pub pose: Pose,
-    /// How far it has rolled: its lowest point is this far from its reference point, in mm.
+    /// How far it has rolled: the offset of its lowest point from its reference point, in mm.
     pub roll_mm: Vec2,
     /// External load on an object that is free or mounted, about its reference point.
     pub wrench: Wrench,
 }
 
 impl Command {
-    /// A share of the way to another command: its grip (where both are forces or depths), pose and roll. The wrench, and
-    /// a grip of another kind, are those of the other at once.
+    /// A command at a share of the way to another one: grip (if both are forces or depths), pose and roll. The wrench,
+    /// and a grip of another kind, are those of the other at once.
     pub(super) fn towards(&self, to: &Command, share: f64) -> Command {
         let mix = |from: f64, to: f64| from + (to - from) * share;
         let place = |from: Vec2, to: Vec2| from + (to - from) * share;
@@ -194,7 +195,7 @@ impl Command {
         }
     }
 
-    /// The command of increment `n` of `count` on the way to another.
+    /// The command of increment `n` of `count` on the way to another command.
     pub(super) fn part(&self, to: &Command, n: u32, count: u32) -> Command {
         if n == count { *to } else { self.towards(to, f64::from(n) / f64::from(count)) }
     }

@@ -12,47 +12,47 @@ use slipbound::setting::SettingError;
 ///   - - - - - - \_/- - - -
 /// ```
 pub trait Shape: std::fmt::Debug + Send + Sync {
-    /// Height of the surface above its lowest point in mm, 0 or above; infinite beside the object. `from_centre`
-    /// is the position in the object's frame, in mm. `on_skin` differs from it by the roll of the object: it says
-    /// which piece of skin is there, for relief that turns with the object.
+    /// Height of the surface above its lowest point in mm, 0 or above; infinite beside the object. `from_centre` is the
+    /// position in the object's frame, in mm. `on_skin` differs from it by the roll of the object: it gives the piece
+    /// of skin at that position, for relief that turns with the object.
     fn gap_mm(&self, from_centre: Vec2, on_skin: Vec2) -> f64;
 
-    /// [`Shape::gap_mm`] of many points, each with the piece of skin that is there.
+    /// [`Shape::gap_mm`] of many points, each with its piece of skin.
     fn gaps_mm(&self, points: &[(Vec2, Vec2)], gaps_mm: &mut [f64]) {
         for (gap_mm, &(from_centre, on_skin)) in gaps_mm.iter_mut().zip(points) {
             *gap_mm = self.gap_mm(from_centre, on_skin);
         }
     }
 
-    /// How fast the gap grows where it is finite, along x and y of the object's frame. Half the difference over
-    /// [`SLOPE_STEP_MM`] to either side unless a shape knows better; at a side, the difference to the face.
+    /// Gradient of the gap where it is finite, along x and y of the object's frame. By default a central difference
+    /// with a step of [`SLOPE_STEP_MM`]; at a side, the difference towards the face.
     fn slope(&self, from_centre: Vec2, on_skin: Vec2) -> Slope {
         slope_by_differences(self, from_centre, on_skin)
     }
 
-    /// Half the size of the part that touches, in mm, along the object's x and y: what must fit on the gel. 0 along
-    /// a direction in which only the curvature limits the contact.
+    /// Half the size of the part that touches, in mm, along the object's x and y; it must fit on the gel. 0 along a
+    /// direction in which only the curvature limits the contact.
     fn half_size_mm(&self) -> Vec2;
 
     /// Refuses numbers outside the ranges of the fields.
     fn check(&self) -> Result<(), SettingError>;
 }
 
-/// Over which a slope is taken where a shape does not know it, in mm.
+/// Step of the difference for shapes without an analytic slope, in mm.
 pub const SLOPE_STEP_MM: f64 = 1e-4;
 
-/// How fast the gap grows per mm from the centre and per mm on the skin: an object that rolls in place moves its skin
-/// alone.
+/// Gradient of the gap, per mm from the centre and per mm on the skin: an object that rolls in place moves only its
+/// skin.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Slope {
-    /// With the skin held: the profile.
+    /// With a fixed skin: the profile.
     pub profile: Vec2,
-    /// With the profile held: relief that turns with the object.
+    /// With a fixed profile: relief that turns with the object.
     pub skin: Vec2,
 }
 
 impl Slope {
-    /// Of a smooth object.
+    /// The slope of a smooth object.
     fn of_profile(x: f64, y: f64) -> Self {
         Slope { profile: Vec2::new(x, y), skin: Vec2::ZERO }
     }
@@ -201,8 +201,8 @@ pub fn slope_by_differences<S: Shape + ?Sized>(shape: &S, from_centre: Vec2, on_
     }
 }
 
-/// How steep edges become: 27 degrees. A height field over cells of half a millimetre cannot have steep walls: with 45
-/// degrees the gel at the rim of a cap turns all its pressure aside, jams and snaps free by turns.
+/// Steepest slope of edges: 27 degrees. A height field over cells of half a millimetre cannot have steep walls: at 45
+/// degrees all pressure of the gel at the rim of a cap acts sideways, and the gel repeatedly jams and snaps free.
 const BEVEL_SLOPE: f64 = 0.5;
 
 /// R - sqrt(R^2 - d^2): an arc of radius R at distance d from its lowest point; infinite beyond its side.
@@ -215,7 +215,7 @@ fn arc(radius: f64, squared: f64) -> f64 {
 }
 
 /// The gap beside a face with rounded edges, at a distance past its flat part: an arc until it is as steep as
-/// [`BEVEL_SLOPE`], and from there a bevel. Without a radius the edge is sharp, and there is nothing beside it.
+/// [`BEVEL_SLOPE`], then a bevel. Without a radius the edge is sharp, and there is no surface beside it.
 fn edge_gap(radius: f64, squared: f64) -> f64 {
     let bevel_from = bevel_from(radius);
     if squared <= bevel_from * bevel_from || radius == 0.0 {
@@ -224,7 +224,7 @@ fn edge_gap(radius: f64, squared: f64) -> f64 {
     arc(radius, bevel_from * bevel_from) + BEVEL_SLOPE * (squared.sqrt() - bevel_from)
 }
 
-/// Its slope, over the distance.
+/// Its slope with respect to the distance.
 fn edge_slope(radius: f64, squared: f64) -> f64 {
     let bevel_from = bevel_from(radius);
     if squared <= bevel_from * bevel_from || radius == 0.0 {
@@ -239,7 +239,7 @@ fn bevel_from(radius: f64) -> f64 {
     radius * BEVEL_SLOPE / (1.0 + BEVEL_SLOPE * BEVEL_SLOPE).sqrt()
 }
 
-/// Slope of such an arc over the distance: 1 / sqrt(R^2 - d^2); 0 without an arc and beyond its side.
+/// Slope of such an arc with respect to the distance: 1 / sqrt(R^2 - d^2); 0 without an arc and beyond its side.
 fn arc_slope(radius: f64, squared: f64) -> f64 {
     let inside = radius * radius - squared;
     if inside > 0.0 { inside.sqrt().recip() } else { 0.0 }
@@ -262,7 +262,7 @@ fn edge(key: &str, radius: f64, most: f64) -> Result<(), SettingError> {
 mod tests {
     use super::*;
 
-    /// A shape that knows its slope only by differences.
+    /// A shape whose slope is computed only by differences.
     #[derive(Debug)]
     struct ByDifferences<S>(S);
 

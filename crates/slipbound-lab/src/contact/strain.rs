@@ -1,4 +1,4 @@
-//! The largest strain of the gel surface, to say when a linear model no longer holds.
+//! The largest strain of the gel surface, to flag where a linear model is no longer valid.
 
 use super::grid::Grid;
 use num_complex::Complex64;

@@ -1,17 +1,17 @@
-//! Who sticks: one step of Coulomb friction, J. J. Kalker's variational form. Find tractions q with |q| <= bound
-//! in every contact cell that minimise 1/2 q.A q - q.w; then A q - w is minus the slip of the object over the
+//! One step of Coulomb friction in J. J. Kalker's variational form: which cells stick. Find tractions q with |q| <=
+//! bound in every contact cell that minimise 1/2 q.A q - q.w; then A q - w is minus the slip of the object over the
 //! gel, zero where the bound is not reached.
 //!
-//! Friction is not all that acts in the plane: on an inclined surface pressure pushes sideways, too. q is the whole
-//! in-plane traction, and friction its distance from that push: |q - push| <= bound.
+//! Friction is not the only in-plane traction: on an inclined surface pressure pushes sideways, too. q is the whole
+//! in-plane traction, and friction its difference from that push: |q - push| <= bound.
 //!
-//! Spectral projected gradient: step lengths of J. Barzilai and J. M. Borwein (1988), the two of them in turn,
+//! Spectral projected gradient: step lengths of J. Barzilai and J. M. Borwein (1988), the two of them alternating,
 //! projection on the discs, exact line search (E. G. Birgin, J. M. Martinez and M. Raydan, 2000).
 //!
-//! A body that gives way adds the rank-three term B W B^T to A, which outweighs the gel's part forty times for 0.1 kg
-//! under a box that covers the pad. Projected gradients creep in it. So its part of every step is solved exactly (a
-//! step in the metric 1/length + B W B^T; Birgin, Martinez and Raydan, IMA J. Numer. Anal. 23, 2003), by Newton's method
-//! in the three numbers of the rigid motion, which costs sweeps over the cells but no transform.
+//! A compliant body adds the rank-three term B W B^T to A, which outweighs the gel's part forty times for 0.1 kg under
+//! a box that covers the pad. Projected gradients converge slowly there. So its part of every step is solved exactly (a
+//! step in the metric 1/length + B W B^T; Birgin, Martinez and Raydan, IMA J. Numer. Anal. 23, 2003), by Newton's
+//! method in the three numbers of the rigid motion, which costs sweeps over the cells but no transform.
 
 mod product;
 mod rigid;
@@ -27,16 +27,16 @@ use product::dot;
 const ZERO: Complex64 = Complex64::new(0.0, 0.0);
 
 /// Share of a step's descent that its rigid motion may leave unused: 1e-2 costs up to twice the iterations, 1e-6 saves
-/// none over 1e-4.
+/// none compared with 1e-4.
 const RIGID_TOLERANCE_FRACTION: f64 = 1e-4;
 
-/// Sweeps of Newton's method for one rigid motion; one or two are the rule.
+/// Sweeps of Newton's method for one rigid motion; usually one or two suffice.
 const MOST_SWEEPS_COUNT: u32 = 12;
 
-/// Error of friction that is rounding, as a share of the largest push.
+/// Rounding error of friction, as a share of the largest push.
 const PUSH_ROUNDING_FRACTION: f64 = 1e-10;
 
-/// How a tangential solution came out.
+/// Result of a tangential solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Held {
     pub iterations: u32,
@@ -46,13 +46,13 @@ pub(crate) struct Held {
 }
 
 impl Held {
-    /// Without contact.
+    /// The result without contact.
     pub fn nothing() -> Self {
         Held { iterations: 0, converged: true, load: Motion::ZERO }
     }
 }
 
-/// What tractions do to the surface in its plane.
+/// In-plane displacement of the surface under tractions.
 pub(crate) trait Surface {
     /// u_x + i u_y of every contact cell from the tractions on all of them.
     fn shift_of_traction(&mut self, traction: &[Complex64], shift: &mut [Complex64]);
@@ -60,7 +60,7 @@ pub(crate) trait Surface {
 
 /// The surface of one gel.
 pub(crate) struct OneSurface<'a> {
-    /// Of gel and object together, for a window of that size.
+    /// Response of gel and object together, for a window of that size.
     pub response: &'a mut Response,
     /// Window around the contact.
     pub window: Region,
@@ -78,19 +78,19 @@ impl Surface for OneSurface<'_> {
 pub(crate) struct Question<'a> {
     /// The contact cells, in order.
     pub cells: &'a [u32],
-    /// In-plane traction of the pressure on each cell in MPa: friction is what differs from it.
+    /// In-plane traction of the pressure on each cell in MPa: friction is the difference from it.
     pub push: &'a [Complex64],
     /// Largest friction of each cell in MPa.
     pub bound: &'a [f64],
-    /// w in mm: where the surface would be if it stuck without traction.
+    /// w in mm: position of the surface if it stuck without traction.
     pub target: &'a [Complex64],
     /// Position of each cell relative to the object's reference point, x + iy in mm.
     pub lever: &'a [Complex64],
-    /// Displacement of the object against the load, which is unknown: the rank-three term. None when guided.
+    /// Displacement of the object against the unknown load: the rank-three term. None when guided.
     pub resistance: Option<Resistance>,
     /// Interface compliance of each cell in mm/MPa; empty for none.
     pub interface: &'a [f64],
-    /// Length of a step that is safe for the stiffest wave: G / cell, MPa per mm.
+    /// Step length that is stable for the stiffest wave: G / cell, MPa per mm.
     pub stiffness_mpa_per_mm: f64,
     /// When to stop.
     pub stop: Stop,
@@ -105,7 +105,7 @@ pub(crate) struct Tangential {
     pub gradient: Vec<Complex64>,
 }
 
-/// The nearest traction that friction can carry beside the push of the pressure.
+/// Projection of a traction on what friction can carry in addition to the push of the pressure.
 #[inline(always)]
 fn within(push: Complex64, bound: f64, q: Complex64) -> Complex64 {
     let friction = q - push;
@@ -118,11 +118,12 @@ impl Tangential {
         Tangential { direction: vec![ZERO; cells], answer: vec![ZERO; cells], gradient: vec![ZERO; cells] }
     }
 
-    /// Solves; `traction` comes in as the first guess, zero outside the contact, and goes out as the solution.
+    /// Solves; `traction` is the first guess on entry, zero outside the contact, and the solution on return.
     pub fn solve(&mut self, surface: &mut impl Surface, question: &Question<'_>, traction: &mut [Complex64]) -> Held {
         let Question { cells, push, bound, stop, stiffness_mpa_per_mm: safe, .. } = *question;
         let most = cells.iter().map(|&i| bound[i as usize]).fold(0.0, f64::max);
-        // Friction is a difference from the push; what rounding leaves of it where it is far smaller is no error.
+        // Friction is a difference from the push; where it is far smaller than the push, its rounding error is not
+        // counted as an error.
         let largest_push = cells.iter().map(|&i| push[i as usize].norm_sqr()).fold(0.0, f64::max).sqrt();
         let rounding = PUSH_ROUNDING_FRACTION * largest_push;
         for &i in cells {
@@ -130,7 +131,8 @@ impl Tangential {
             traction[i] = within(push[i], bound[i], traction[i]);
         }
         let (back, _) = self.yielding(surface, question, traction, true);
-        // Of all cells: a surface takes the steps of its whole window, and some have left the contact since the last solution.
+        // For all cells: a surface uses the steps of its whole window, and some cells have left the contact since the
+        // last solution.
         self.direction.fill(ZERO);
         for &i in cells {
             let i = i as usize;
@@ -172,11 +174,12 @@ impl Tangential {
                 traction[i] += self.direction[i] * step;
                 self.gradient[i] += (self.answer[i] + back.at(question.lever[i])) * step;
             }
-            // Of the gel alone: the body's part of a step is exact.
+            // For the gel alone: the body's part of a step is exact.
             length = if iterations % 2 == 0 { squares / curve } else { curve / answers };
         }
-        // One last step of the safe length puts every sliding cell on its bound, where friction is defined. It goes
-        // whole, without a line search; a body's part keeps the small moves of all cells from adding up to a load.
+        // One last step of the safe length puts every sliding cell on its bound, where friction is defined. It is taken
+        // in full, without a line search; the body's part keeps the small changes of all cells from adding up to a
+        // load.
         match question.resistance {
             None => self.aim(question, traction, safe).1,
             Some(resistance) => self.aim_with_body(question, resistance, traction, safe),
@@ -189,7 +192,8 @@ impl Tangential {
         held
     }
 
-    /// How far the tractions are from a solution: the farthest that a projected step of the safe length moves one.
+    /// Distance of the tractions from a solution: the largest change of a traction by a projected step of the safe
+    /// length.
     fn worst(&self, question: &Question<'_>, traction: &[Complex64]) -> f64 {
         let mut worst = 0.0f64;
         for &i in question.cells {
@@ -201,8 +205,8 @@ impl Tangential {
         worst.sqrt()
     }
 
-    /// The projected step of a length into `direction`, which leaves a body's yielding out of account; [`Self::worst`]
-    /// and how fast the energy falls along it.
+    /// The projected step of a length into `direction`, which ignores the compliance of the body. Returns
+    /// [`Self::worst`] and how fast the energy falls along the step.
     fn aim(&mut self, question: &Question<'_>, traction: &[Complex64], length: f64) -> (f64, f64) {
         let (mut worst, mut descent) = (0.0f64, 0.0);
         for &i in question.cells {
@@ -217,9 +221,9 @@ impl Tangential {
     }
 
     /// The step d within the discs that minimises g.d + d.d / (2 length) + (B^T d).W (B^T d) / 2. It is the plain step
-    /// against the gradient g + B W y, where y = B^T d is the load it adds: three unknowns. The y sought minimises a
-    /// convex function (the dual), which Newton's method follows down, halving steps that overshoot. Returns how fast
-    /// the energy falls along d.
+    /// against the gradient g + B W y, where y = B^T d is the load it adds: three unknowns. The solution y minimises a
+    /// convex function (the dual) by Newton's method, halving steps that overshoot. Returns how fast the energy falls
+    /// along d.
     fn aim_with_body(
         &mut self,
         question: &Question<'_>,
@@ -251,7 +255,7 @@ impl Tangential {
         if sweep.descends(length) {
             return sweep.descent;
         }
-        // Short of a rigid motion the plain step goes down, too, only not far.
+        // Without the rigid motion the plain step also descends, but makes little progress.
         self.aim(question, traction, length).1
     }
 
@@ -275,7 +279,7 @@ impl Tangential {
         spread.settle(resistance, length, load)
     }
 
-    /// The plain step against the gradient and a retreat of the body, into `direction`, with what it adds up to.
+    /// The plain step against the gradient and a retreat of the body, into `direction`, with its sums.
     fn sweep(&mut self, question: &Question<'_>, traction: &[Complex64], length: f64, back: Motion) -> Sweep {
         let mut sweep = Sweep { descent: 0.0, squares: 0.0, load: Motion::ZERO, spread: Spread::default() };
         for &i in question.cells {
@@ -300,8 +304,8 @@ impl Tangential {
         sweep
     }
 
-    /// A q (or A d) of gel and interface on the contact cells into `answer`; returns how far the body gives way, and
-    /// the work of that.
+    /// A q (or A d) of gel and interface on the contact cells into `answer`; returns the displacement of the body, and
+    /// its work.
     fn yielding(
         &mut self,
         surface: &mut impl Surface,
@@ -336,13 +340,13 @@ struct Sweep {
 }
 
 impl Sweep {
-    /// Whether the energy falls along the step by as much as half of what a plain step is sure of.
+    /// Whether the energy falls along the step by at least half of the descent that a plain step guarantees.
     fn descends(&self, length: f64) -> bool {
         self.descent >= 0.5 * self.squares / length
     }
 }
 
-/// B^T q: force and torque, still per unit of cell area unless the resistance scales it.
+/// B^T q: force and torque, per unit of cell area unless the resistance scales it.
 fn load_of(question: &Question<'_>, tractions: impl Iterator<Item = (usize, Complex64)>) -> Motion {
     let mut load = Motion::ZERO;
     for (i, q) in tractions {

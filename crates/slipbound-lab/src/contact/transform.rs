@@ -8,18 +8,18 @@
 //! ```
 //!
 //! Two real fields are one complex one: with Z its transform along y, F = (Z(ky) + conj Z(-ky)) / 2 is that of one and
-//! (Z(ky) - conj Z(-ky)) / 2i that of the other. A vector field is two fields; the left and the right half of a scalar field are,
-//! too. From there on every field is its own half spectrum, ky from 0 to ny / 2, so that kernels multiply without looking for -k.
-//! Padding costs least in this order: along y only columns with data are transformed, along x one block after the other, which stays
-//! in the nearest cache from the forward transform through the product to the inverse.
+//! (Z(ky) - conj Z(-ky)) / 2i that of the other. A vector field is two fields; so are the left and the right half of a
+//! scalar field. From there on every field is its own half spectrum, ky from 0 to ny / 2, so that kernels multiply
+//! without access to -k. Padding costs least in this order: along y only columns with data are transformed, along x one
+//! block after the other, which stays in the nearest cache from the forward transform through the product to the
+//! inverse.
 
 use super::fourier::{Fourier, LANES, Lanes, NOTHING, Rows};
 use super::grid::Region;
 use num_complex::Complex64;
 use slipbound::pixels::wide::wide;
 
-/// Which cells a transform is about: `window` is laid at the corner of the padded domain, `data` is the part of it
-/// that is not zero.
+/// The cells of a transform: `window` is at the corner of the padded domain, `data` is the part of it that is not zero.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Area {
     pub window: Region,
@@ -41,12 +41,12 @@ impl Area {
 #[derive(Debug, Clone)]
 pub(crate) struct Lines {
     rows: Rows,
-    /// Columns there is room for.
+    /// Capacity in columns.
     most_width: usize,
 }
 
 impl Lines {
-    /// Those of columns that lie together.
+    /// The lines of adjacent columns.
     fn of(&mut self, block: usize, first: usize, count: usize) -> [&mut [Lanes]; 2] {
         let from = block * self.most_width + first;
         self.rows.parts_mut().map(|part| &mut part[from..][..count])
@@ -76,12 +76,12 @@ impl Transform {
         (self.ny / 2 + 1).div_ceil(LANES)
     }
 
-    /// Room for a field of so many columns.
+    /// Memory for a field with so many columns.
     pub fn lines(&self, most_width: usize) -> Lines {
         Lines { rows: Rows::zeros(self.blocks_count() * most_width), most_width }
     }
 
-    /// The row of a block in which wave `kx` along x stands.
+    /// The row of a block that contains wave `kx` along x.
     pub fn place(&self, kx: usize) -> usize {
         self.along_x.places()[kx] as usize
     }
@@ -287,7 +287,7 @@ wide! {
                 (z_mirror[0][i], z_mirror[1][i]) = (f_re + g_im, g_re - f_im);
             }
             [re[mirror], im[mirror]] = z_mirror;
-            [re[at], im[at]] = z; // of 0 and ny / 2, which are their own mirrors, the one that counts
+            [re[at], im[at]] = z; // of 0 and ny / 2, which are their own mirrors, the valid one
         }
     }
 }
@@ -300,13 +300,13 @@ mod tests {
     const STRIDE: usize = 29;
     const HEIGHT: usize = 20;
 
-    /// Numbers without structure.
+    /// Pseudo-random numbers.
     fn field() -> Vec<Complex64> {
         let level = |i: usize| libm::sin(1e4 * (i as f64 + 0.5));
         (0..STRIDE * HEIGHT).map(|i| Complex64::new(level(2 * i), level(2 * i + 1))).collect()
     }
 
-    /// Regions of every width up to two blocks and a half, placed anywhere in the window.
+    /// Regions of every width up to two blocks and a half, anywhere in the window.
     fn areas() -> impl Iterator<Item = Area> {
         (1..=20).map(|width| {
             let window = Region { column: 3, row: 2, width_cells: width + width % 3, height_cells: 14 };
@@ -315,7 +315,8 @@ mod tests {
         })
     }
 
-    /// There and back: the data where they were, nothing around them, times the number of points and the two of the lines.
+    /// Forward and inverse: the data at their positions, nothing around them, times the number of points and the two of
+    /// the lines.
     #[test]
     fn fields_come_back_whatever_their_width() {
         let (field, mut transform) = (field(), Transform::new(24, 18));
@@ -346,7 +347,7 @@ mod tests {
         }
     }
 
-    /// One wave each: cosines of a vector's components are where they belong, in both halves of a scalar field, too.
+    /// One wave each: cosines of a vector's components are at their positions, also in both halves of a scalar field.
     #[test]
     fn a_wave_stands_at_its_place() {
         let (nx, ny, tau) = (24, 18, std::f64::consts::TAU);
@@ -363,7 +364,7 @@ mod tests {
                 for (x, lane) in (0..nx).flat_map(|x| (0..LANES).map(move |lane| (x, lane))) {
                     let (y, at) = (block * LANES + lane, transform.place(x));
                     let own = y <= ny / 2 && [(kx, ky), ((nx - kx) % nx, (ny - ky) % ny)].contains(&(x, y));
-                    // Half of it here and half at its mirror, where it has one of its own.
+                    // Half of it here and half at its mirror, unless it is its own mirror.
                     let mirrored = 2 * kx % nx == 0 && 2 * ky % ny == 0;
                     let expected = if own { (if mirrored { 2.0 } else { 1.0 }) * (nx * ny) as f64 } else { 0.0 };
                     let [re, im] = waves.parts().map(|part| part[at][lane]);

@@ -1,20 +1,20 @@
-//! What is exactly known after a step.
+//! Ground truth after a step.
 
 use super::body::{Pose, Wrench};
 use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
 
-/// Share of the friction there is, from which on an object slides as a whole.
+/// Share of the largest possible friction work from which an object slides as a whole.
 ///
 /// The limit surface of a sliding contact is defined by the work of friction (Goyal, Ruina and Papadopoulos, Wear 143
-/// (1991) 307): of all tractions within the bounds, those of a contact that slides everywhere do the most on the motion of
-/// the object. Gross slip is where they do 99 % of it: sum(q . v) >= 0.99 sum(bound |v|), with q the friction on a cell and v
-/// the motion of the object over it. Sticking cells then carry nothing that matters. The stick ratio says so only on
-/// some grids: cells that come into contact at the leading edge stick for a step or two under next to no pressure, and the
-/// middle of a contact that is twisted sticks for ever.
+/// (1991) 307): of all tractions within the bounds, those of a contact that slides everywhere do the most work on the
+/// motion of the object. Gross slip begins at 99 % of it: sum(q . v) >= 0.99 sum(bound |v|), with q the friction on a
+/// cell and v the motion of the object over it. The load on sticking cells is then negligible. The stick ratio is not
+/// such a criterion on every grid: cells that come into contact at the leading edge stick for a step or two under
+/// hardly any pressure, and the middle of a twisted contact sticks permanently.
 pub const GROSS_FRICTION_FRACTION: f64 = 0.99;
 
-/// Largest displacement gradient, as a fraction, for which a linear gel is taken to hold.
+/// Largest displacement gradient, as a fraction, for which the gel is considered linear.
 pub const LINEAR_STRAIN: f64 = 0.3;
 
 /// Something that happened in a step.
@@ -43,7 +43,7 @@ impl Event {
 pub struct Events(u8);
 
 impl Events {
-    /// Events between two steps, from their stick ratios (None without contact) and from what they use of the friction. A
+    /// Events between two steps, from their stick ratios (None without contact) and from the share of friction used. A
     /// ratio falls below a level only if it was at or above it before.
     pub fn between(before: &Truth, now: &Truth) -> Self {
         let mut events = Events(0);
@@ -100,13 +100,13 @@ pub struct Truth {
     pub grip_force_n: f64,
     /// Depth of the object's lowest point below the flat gel, in mm; negative above it.
     pub depth_mm: f64,
-    /// What the object exerts on this finger's gel in the plane, by friction and, where its surface is inclined, by
-    /// pressure: what a sensor under the gel reads. The torque is about the object's reference point.
+    /// In-plane load of the object on this finger's gel, by friction and, where its surface is inclined, by pressure:
+    /// the reading of a sensor under the gel. The torque is about the object's reference point.
     pub wrench: Wrench,
     /// The part of it that is friction.
     pub friction: Wrench,
-    /// Force in N that pressure exerts on the gel in the plane by the object's profile, which a body that rolls in
-    /// place does not feel; what it exerts by relief on the skin is in [`Truth::wrench`] alone.
+    /// In-plane force in N of the pressure on the gel by the object's profile, which does not act on a body that rolls
+    /// in place; the force by relief on the skin is in [`Truth::wrench`] alone.
     pub on_profile_n: Vec2,
     /// Number of cells under pressure.
     pub contact_cells_count: u32,
@@ -114,8 +114,8 @@ pub struct Truth {
     pub contact_area_mm2: f64,
     /// Area that sticks over area in contact, 0 to 1; None without contact.
     pub stick_ratio: Option<f64>,
-    /// Work of friction on the motion of the object in this step over the most that it could do, -1 to 1: at
-    /// [`GROSS_FRICTION_FRACTION`] the object slides as a whole. None without contact or motion.
+    /// Work of friction on the motion of the object in this step over the largest possible work, -1 to 1: from
+    /// [`GROSS_FRICTION_FRACTION`] on the object slides as a whole. None without contact or motion.
     pub friction_used_fraction: Option<f64>,
     /// Largest pressure in MPa.
     pub peak_pressure_mpa: f64,
@@ -125,7 +125,7 @@ pub struct Truth {
     pub beyond_linear: bool,
     /// Whether the contact reaches the border of the grid: the object has left the pad or is too large for it.
     pub at_border: bool,
-    /// Work turned to heat by slip in this step, in N mm; 0 or above.
+    /// Work dissipated by slip in this step, in N mm; 0 or above.
     pub dissipated_n_mm: f64,
     /// What happened in this step.
     pub events: Events,
@@ -144,12 +144,13 @@ impl Truth {
     }
 }
 
-/// Whether that much of the friction used means that the object slides as a whole.
+/// Whether this share of the friction means that the object slides as a whole.
 fn slides(friction_used_fraction: Option<f64>) -> bool {
     friction_used_fraction.is_some_and(|used| used >= GROSS_FRICTION_FRACTION)
 }
 
-/// Loads of a run and how much of the friction they use, from which the load fraction of every step is known once gross slip is.
+/// Loads of a run and the share of friction they use; they give the load fraction of every step once gross slip is
+/// known.
 ///
 /// Push every step of the load ramp. A load is the factor by which the wrench of the path is scaled, or, for a
 /// guided object, the wrench along the motion: force times direction plus torque times rotation.
@@ -169,8 +170,8 @@ impl LoadRecord {
         self.steps.iter().position(|&(_, used)| slides(used))
     }
 
-    /// Load fraction f of every step: its load over that of the gross step. None until gross slip has come; let the
-    /// run (or a clone of the finger) go on to it.
+    /// Load fraction f of every step: its load over that of the gross step. None before gross slip; continue the run
+    /// (or a clone of the finger) up to it.
     pub fn fractions(&self) -> Option<impl Iterator<Item = f64> + '_> {
         let gross = self.steps[self.gross_step()?].0;
         Some(self.steps.iter().map(move |&(load, _)| load / gross))

@@ -1,4 +1,4 @@
-//! Recorded clips in folders, with labels, and the answers of every detector to their frames.
+//! Recorded clips in folders, with labels, and the results of every detector on their frames.
 //!
 //! ```text
 //!   FOLDER/clip/...     --frames--> monitor (ours, the paper's) --> detectors --> Seen
@@ -58,7 +58,7 @@ pub enum ClipsError {
 /// The label of a clip in labels.csv.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Label {
-    /// What was held.
+    /// The held object.
     pub object: String,
     /// Whether it slipped.
     pub slips: bool,
@@ -73,13 +73,13 @@ pub struct Clips {
     pub names: Vec<String>,
     /// Labels by clip; empty without labels.csv.
     pub labels: BTreeMap<String, Label>,
-    /// How many clips, and a digest of their names, the names and sizes of their files, and their labels.
+    /// The number of clips, and a digest of their names, the names and sizes of their files, and their labels.
     pub contents: String,
 }
 
 impl Clips {
-    /// Reads a folder: each folder in it is a clip, to be read by `open`; `labels.csv`, where there is one, has the name
-    /// of the clip in its first column, and columns `object` and `slip`.
+    /// Reads a folder: each folder in it is a clip, to be read by `open`. The first column of the optional `labels.csv`
+    /// is the name of the clip; it also has columns `object` and `slip`.
     pub fn open(folder: &Path, open: OpenSource) -> Result<Self, ClipsError> {
         let path = || folder.to_owned();
         let entries = fs::read_dir(folder).map_err(|source| ClipsError::Folder { path: path(), source })?;
@@ -112,8 +112,8 @@ impl Clips {
         self.folder.join(name)
     }
 
-    /// Shows a recording to detectors, in the order of `entries`; the answers by detector, then by frame; none for a
-    /// detector whose monitor cannot be made for the recording.
+    /// Runs detectors on a recording, in the order of `entries`; the results by detector, then by frame; none for a
+    /// detector whose monitor cannot be created for the recording.
     pub fn watch(
         &self,
         path: &Path,
@@ -163,7 +163,7 @@ fn add_files(folder: &Path, name: &str, files: &mut Vec<String>) -> Result<(), C
     Ok(())
 }
 
-/// The object that is held, from the name of a clip: its words up to the first that is a number.
+/// The held object, from the name of a clip: its words up to the first number.
 pub fn object_of_name(name: &str) -> &str {
     let is_number = |word: &str| !word.is_empty() && word.bytes().all(|b| b.is_ascii_digit());
     let mut end = 0;
@@ -198,7 +198,7 @@ fn labels(text: &str) -> Result<BTreeMap<String, Label>, String> {
     Ok(labels)
 }
 
-/// The answer of a detector to a frame.
+/// The result of a detector on a frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Seen {
     /// Number of the frame.
@@ -213,12 +213,12 @@ pub struct Seen {
     pub evidence: Option<EvidenceReport>,
 }
 
-/// What a recording's rest frame is made of.
+/// Source of a recording's rest frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RestFrom {
-    /// Its first frame, in which the finger is touched already.
+    /// The first frame, in which the finger is already touched.
     FirstFrame,
-    /// Found among the first frames.
+    /// Detected among the first frames.
     FirstFrames,
 }
 
@@ -232,7 +232,7 @@ fn watch(
 ) -> Result<Vec<Vec<Seen>>, EvalError> {
     let mut seen: Vec<Vec<Seen>> = vec![Vec::new(); entries.len()];
     for inputs in [Inputs::Frames, Inputs::PaperFrames] {
-        // No gripper says its force in a recording, so both of ours see frames alone.
+        // A recording contains no grip force, so both of our detectors use frames alone.
         let is_asked = |entry: &Entry| (entry.inputs == Inputs::PaperFrames) == (inputs == Inputs::PaperFrames);
         if !entries.iter().any(|entry| is_asked(entry)) {
             continue;
@@ -264,7 +264,7 @@ fn watch(
     Ok(seen)
 }
 
-/// A monitor for a recording; None where its rest frame cannot be used.
+/// A monitor for a recording; None if its rest frame cannot be used.
 fn monitor(
     open: OpenSource,
     uri: &str,
@@ -298,24 +298,24 @@ fn monitor(
     rest.map(|rest| Ok(SlipMonitor::new(sensor, &settings, rest)?)).transpose()
 }
 
-/// An error of another kind, by its own text.
+/// An error of another kind, with its own message.
 pub(super) fn other(problem: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> EvalError {
     EvalError::Source(SourceError::new(SourceErrorKind::Other, problem))
 }
 
-/// The greatest value that each part of the evidence has had over the frames that count.
+/// The largest value of each part of the evidence over the scored frames.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Latch {
-    /// Of the relaxation.
+    /// The relaxation.
     pub relaxation: f64,
-    /// Of the displacement at the centre over that at the rim.
+    /// The ratio of the displacement at the centre to that at the rim.
     pub centre_rim_ratio: Option<f64>,
-    /// Of the change of the imprint.
+    /// The change of the imprint.
     pub imprint_change: Option<f64>,
 }
 
 impl Latch {
-    /// Takes a frame.
+    /// Adds a frame.
     pub fn see(&mut self, evidence: &EvidenceReport) {
         let most = |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(f64::max);
         self.relaxation = self.relaxation.max(evidence.relaxation);
@@ -329,7 +329,7 @@ impl Latch {
     }
 }
 
-/// Highest score and first alarm over the frames that count. Ours goes by the evidence of sliding, on `scale`.
+/// Highest score and first alarm over the scored frames. Ours uses the evidence of sliding, on `scale`.
 pub fn judged(entry: &Entry, seen: &[Seen], scale: &EvidenceSettings) -> (f64, Option<u64>, Latch) {
     let (mut latch, mut score, mut first_alarm) = (Latch::default(), 0.0f64, None);
     for frame in seen {

@@ -1,5 +1,6 @@
-//! Accuracy against coverage: how much more exact the verdict is on fewer ramps, when those whose margin is stated as least sure are called
-//! unsure. (Contact quality would rank nothing: on a finger in full view it is 1 in nearly all ramps.)
+//! Accuracy against coverage: how the accuracy of the verdict grows if the ramps with the largest stated error of the
+//! margin are called unsure. (Contact quality gives no such order: on a finger in full view it is 1 in nearly all
+//! ramps.)
 //!
 //! ```text
 //!   ramps by the stated error:   0.05  0.06  0.06 ... 0.12 | 0.13 ... 0.22
@@ -11,13 +12,13 @@ use super::record::TrialRecord;
 use super::statistics::{mean, median, quantile, share_of};
 use super::table::{Cell, Table};
 
-/// Shares of the ramps that the table has, the largest first.
+/// Coverages in the table, the largest first.
 const COVERED: [f64; 5] = [1.0, 0.9, 0.75, 0.5, 0.25];
 
 /// Fewest ramps of a point of a curve.
 const LEAST_RAMPS: usize = 20;
 
-/// The ramps of a detector whose margin has a stated error, the surest first.
+/// The ramps of a detector whose margin has a stated error, in order of increasing error.
 fn by_surety<'a>(records: &'a [TrialRecord], detector: &str) -> Vec<(f64, &'a TrialRecord)> {
     let of = records.iter().filter(|r| r.detector == detector);
     let mut ramps: Vec<_> = of.filter_map(|r| Some((r.number_of(MARGIN_SD)?, r))).collect();
@@ -35,12 +36,12 @@ pub fn kind_right(record: &TrialRecord) -> Option<bool> {
     record.word_of("kind_true").map(|kind| record.word_of("kind_said") == Some(kind))
 }
 
-/// Whether the margin was right within a tenth in the mean.
+/// Whether the mean error of the margin was at most a tenth.
 pub fn margin_right(record: &TrialRecord) -> Option<bool> {
     record.number_of("margin_error").map(|error| error <= 0.1)
 }
 
-/// Share of right answers (y) against the share of the ramps that are judged (x), of a detector.
+/// Share of right answers (y) against the share of the ramps that are judged (x), for a detector.
 pub fn curve(records: &[TrialRecord], detector: &str, right: impl Fn(&TrialRecord) -> Option<bool>) -> Vec<(f64, f64)> {
     let ramps = by_surety(records, detector);
     let (mut asked_count, mut right_count, mut points) = (0, 0, Vec::new());
@@ -55,7 +56,7 @@ pub fn curve(records: &[TrialRecord], detector: &str, right: impl Fn(&TrialRecor
     points
 }
 
-/// The table of some detectors; none without a ramp whose margin has a stated error.
+/// The table of some detectors; None if no ramp has a stated error of the margin.
 pub(super) fn table<'a>(records: &[TrialRecord], detectors: impl Iterator<Item = &'a str>) -> Option<Table> {
     let mut table = Table::new(
         "Accuracy against coverage",
@@ -103,7 +104,7 @@ pub(super) fn table<'a>(records: &[TrialRecord], detectors: impl Iterator<Item =
 mod tests {
     use super::*;
 
-    /// A hundred ramps; the larger the stated error the larger the error, and from 0.1 on the kind is wrong.
+    /// A hundred ramps: the error grows with the stated error, and from 0.1 on the kind is wrong.
     fn records() -> Vec<TrialRecord> {
         let record = |number: u64| {
             let stated = ((number * 37) % 100) as f64 / 500.0;

@@ -1,16 +1,16 @@
-//! A short word for what a sweep reads from files, to tell whether it is still the same.
+//! A short digest of what a sweep reads from files, to detect changes.
 
-/// FNV-1a of 64 bits over parts of text. Good against a wrong folder, not against an enemy.
+/// FNV-1a of 64 bits over parts of text. Detects a wrong folder, not deliberate manipulation.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Digest(u64);
 
 impl Digest {
-    /// Of nothing.
+    /// The digest of nothing.
     pub fn new() -> Self {
         Digest(0xcbf2_9ce4_8422_2325)
     }
 
-    /// Takes the next part; where parts end counts.
+    /// Adds the next part; the boundaries of parts count.
     pub fn add(&mut self, part: &str) {
         for byte in (part.len() as u64).to_le_bytes().into_iter().chain(part.bytes()) {
             self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);

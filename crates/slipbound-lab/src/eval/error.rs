@@ -1,4 +1,4 @@
-//! What can go wrong in a sweep.
+//! Errors of a sweep.
 
 use slipbound::image::ImageError;
 use slipbound::monitor::RestError;
@@ -13,7 +13,7 @@ pub enum EvalError {
     /// A setting is refused.
     #[error(transparent)]
     Setting(#[from] SettingError),
-    /// A picture could not be made or read.
+    /// An image could not be generated or read.
     #[error("{0}")]
     Source(#[from] SourceError),
     /// The finger at rest could not be found.
@@ -43,12 +43,12 @@ pub enum FolderError {
         /// Why.
         source: io::Error,
     },
-    /// It holds something that is of no sweep.
+    /// It contains something that does not belong to a sweep.
     #[error("{folder}: expected a new or empty folder, or one with {expected}, got one that holds `{found}`", folder = .folder.display())]
     NotEmpty {
         /// The folder.
         folder: PathBuf,
-        /// The file by which it is known.
+        /// The file that identifies a folder of this kind.
         expected: String,
         /// One of the names in it.
         found: String,
@@ -59,16 +59,16 @@ pub enum FolderError {
         /// The folder.
         path: PathBuf,
     },
-    /// Something in a file is not as it must be.
+    /// A value in a file is invalid.
     #[error("{path}: {key}: expected {expected}, got {got}", path = .path.display())]
     Value {
         /// The file.
         path: PathBuf,
-        /// What in it.
+        /// The key or line in it.
         key: String,
-        /// What it must be.
+        /// The expected value.
         expected: String,
-        /// What it is.
+        /// The value found.
         got: String,
     },
 }
@@ -86,10 +86,10 @@ pub enum SweepError {
         /// Why.
         source: EvalError,
     },
-    /// Its records could not be kept.
+    /// Its records could not be stored.
     #[error(transparent)]
     Folder(#[from] FolderError),
-    /// Whoever asked for it did not want to go on.
+    /// The caller stopped the sweep.
     #[error("interrupted; what was judged is kept, the same command goes on from there")]
     Interrupted,
 }

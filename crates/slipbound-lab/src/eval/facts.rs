@@ -1,24 +1,24 @@
-//! What the scores need to know of a frame.
+//! Ground truth of a frame that the scores need.
 
 use crate::contact::{GROSS_FRICTION_FRACTION, Pose, Wrench};
 use crate::world::{STICKS_HARDLY, World};
 use slipbound::monitor::SlipKind;
 use slipbound::plane::Vec2;
 
-/// What is true of a frame, without the markers.
+/// Ground truth of a frame, without the markers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Facts {
     /// Number of the frame.
     pub frame: u64,
-    /// Time of its exposure, s, where the world does not stand still in between.
+    /// Time of its exposure, s, on the clock of the world, which stops while the world stands still.
     pub time_s: f64,
-    /// The load along its path; None where nothing loads the object.
+    /// The load along its path; None if the object is not loaded.
     pub load: Option<f64>,
-    /// Area that sticks over area in contact; None without contact.
+    /// Stick area over contact area; None without contact.
     pub stick_ratio: Option<f64>,
     /// Normal force, N.
     pub grip_n: f64,
-    /// Force and torque on the gel; the torque about the middle of the contact, as reports tell it.
+    /// Force and torque on the gel; the torque about the middle of the contact, as in reports.
     pub wrench: Wrench,
     /// Where the object is.
     pub pose: Pose,
@@ -26,8 +26,8 @@ pub struct Facts {
     pub slip_mm: Vec2,
     /// Root mean square distance of the cells in contact from their middle, mm.
     pub arm_mm: f64,
-    /// Whether the object slides as a whole: friction does 99 % of the work it could, or hardly a cell sticks. On a bend
-    /// friction lags behind the motion and does less work, though everything slides.
+    /// Whether the object slides as a whole: friction does 99 % of its largest possible work, or hardly any cell
+    /// sticks. On a curved path friction lags behind the motion and does less work, although all cells slide.
     pub slides: bool,
 }
 
@@ -49,7 +49,7 @@ pub(crate) fn facts(world: &World, frame: u64) -> Facts {
     }
 }
 
-/// The truth counts torque about the object's reference point, which may lie anywhere beside the contact.
+/// The ground truth states torque about the object's reference point, which may be anywhere outside the contact.
 fn about_middle(world: &World) -> Wrench {
     let (truth, grid, finger) = (world.truth(), world.grid(), world.finger());
     let touching = || finger.contact().iter().enumerate().filter(|(_, contact)| **contact).map(|(cell, _)| cell);
@@ -71,8 +71,8 @@ fn arm_mm(world: &World) -> f64 {
     (cells().map(|cell| (grid.centre_mm(cell) - middle).length_squared()).sum::<f64>() / count).sqrt()
 }
 
-/// Kind of the motion of an object between two frames, by the share of turning in the motion at the rim: the
-/// thirds of [`SlipKind`].
+/// Kind of the motion of an object between two frames, from the share of rotation in the motion at the rim: the thirds
+/// of [`SlipKind`].
 pub fn kind_of_motion(from: &Facts, to: &Facts) -> SlipKind {
     let turn_mm = (to.pose.turn_rad - from.pose.turn_rad).abs() * to.arm_mm;
     let shift_mm = (to.pose.position_mm - from.pose.position_mm).length();

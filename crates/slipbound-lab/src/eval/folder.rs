@@ -1,4 +1,4 @@
-//! The folder of a sweep: what it is, its records so far, its tables in the end.
+//! The folder of a sweep: its description, its records so far, and finally its tables.
 //!
 //! ```text
 //!   sweep.json     protocol, seed, number of trials, version, detectors; of a shard, which one it is
@@ -15,7 +15,7 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// A part of a sweep: every `of`th trial, from the `number`th on, counted from 1.
+/// A part of a sweep: every `of`th trial, starting from the `number`th, counted from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shard {
@@ -35,7 +35,7 @@ impl Shard {
     }
 }
 
-/// What stands in sweep.json.
+/// Contents of sweep.json.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SweepFile {
@@ -47,7 +47,7 @@ struct SweepFile {
 
 const FORMAT: &str = "slipbound-eval-1";
 
-/// Names of which the first is there from the moment a sweep has begun; the others may be left by one that was killed before.
+/// The first file exists as soon as a sweep has begun; the others may remain from a sweep that was killed before.
 const SWEEP_FILE: &str = "sweep.json";
 const BEFORE_IT: [&str; 2] = ["trials.jsonl", "sweep.json.unfinished"];
 
@@ -59,10 +59,10 @@ fn unread(path: &Path) -> impl FnOnce(io::Error) -> FolderError + '_ {
     move |source| FolderError::Read { path: path.to_owned(), source }
 }
 
-/// Refuses a folder that holds something and not the file `mark`, by which it is known as ours; names `before_it` may be there
-/// without it. Makes none.
+/// Refuses a non-empty folder without the file `mark`, which identifies the folder as ours; names in `before_it` may
+/// exist without it. Creates no folder.
 pub fn refuse_used(folder: &Path, mark: &str, before_it: &[&str]) -> Result<(), FolderError> {
-    // What is wrong with it otherwise is told when it is made.
+    // Other errors are reported when the folder is created.
     let names = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.file_name());
     let found = names.map(|name| name.to_string_lossy().into_owned()).find(|name| !before_it.contains(&name.as_str()));
     match found.filter(|_| !folder.join(mark).exists()) {
@@ -81,8 +81,9 @@ pub struct SweepFolder {
 }
 
 impl SweepFolder {
-    /// Makes a folder, or goes on with one of the same sweep: its whole trials are kept as they are, a line or a trial at the end that was
-    /// half written is cut off. Refuses a folder of something else, records of which nothing says what sweep they are of, and detectors that are not there once each.
+    /// Creates a folder, or continues one of the same sweep: its complete trials are kept unchanged, an incomplete line
+    /// or trial at the end is cut off. Refuses a folder of something else, records of an unknown sweep, and a list of
+    /// detectors that is empty or has duplicates.
     pub fn open(path: &Path, sweep: &Sweep, detectors: &[&str], shard: Shard) -> Result<Self, FolderError> {
         let detectors = detectors.iter().map(|&name| name.to_owned()).collect();
         let about = SweepFile { format: FORMAT.into(), sweep: sweep.clone(), detectors, shard };
@@ -99,13 +100,13 @@ impl SweepFolder {
         refuse_used(path, SWEEP_FILE, &BEFORE_IT)?;
         fs::create_dir_all(path).map_err(file(path))?;
         let lines_path = path.join("trials.jsonl");
-        // Held until the folder is dropped; the lock of a program that was killed goes with it.
+        // Locked until the folder is dropped; the lock of a killed program is released with it.
         let lines =
             OpenOptions::new().create(true).read(true).append(true).open(&lines_path).map_err(file(&lines_path))?;
         match lines.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(FolderError::Busy { path: path.to_owned() }),
-            // A file system without locks: two at once are then not noticed.
+            // A file system without locks: two writers at once are then not detected.
             Err(TryLockError::Error(e)) if e.kind() == io::ErrorKind::Unsupported => {}
             Err(TryLockError::Error(e)) => return Err(file(&lines_path)(e)),
         }
@@ -136,7 +137,7 @@ impl SweepFolder {
         &self.path
     }
 
-    /// What was run.
+    /// The sweep.
     pub fn sweep(&self) -> &Sweep {
         &self.about.sweep
     }
@@ -146,7 +147,7 @@ impl SweepFolder {
         &self.records
     }
 
-    /// The numbers of the trials that are not there yet.
+    /// Numbers of the trials without records.
     pub fn missing(&self) -> Vec<u64> {
         let done: BTreeSet<u64> = self.records.iter().map(|record| record.number).collect();
         let all = self.about.shard.numbers(self.about.sweep.trials_count);
@@ -169,12 +170,13 @@ impl SweepFolder {
         fs::write(&path, bytes).map_err(file(&path))
     }
 
-    /// What was run in a folder.
+    /// The sweep of a folder.
     pub fn sweep_of(path: &Path) -> Result<Sweep, FolderError> {
         Ok(read_about(&path.join("sweep.json"))?.sweep)
     }
 
-    /// One folder from the shards of a sweep. All shards must be of the same sweep, whole, and together all of it.
+    /// One folder from the shards of a sweep. All shards must belong to the same sweep, be complete, and together cover
+    /// it.
     pub fn merge(shards: &[PathBuf], into: &Path) -> Result<Self, FolderError> {
         let value = |path: &Path, key: &str, expected: String, got: String| FolderError::Value {
             path: path.to_owned(),
@@ -243,7 +245,7 @@ fn write_line(to: &mut Vec<u8>, record: &TrialRecord) -> io::Result<()> {
     Ok(())
 }
 
-/// Writes a file that is whole or not there, whenever the program is killed.
+/// Writes a file atomically: whenever the program is killed, the file is complete or absent.
 fn write_json(path: &Path, value: &impl Serialize) -> Result<(), FolderError> {
     let mut text = serde_json::to_vec_pretty(value).map_err(|error| file(path)(error.into()))?;
     text.push(b'\n');
@@ -262,7 +264,7 @@ fn read_about(path: &Path) -> Result<SweepFile, FolderError> {
     })
 }
 
-/// Refuses another sweep than the expected one, by the first key that differs.
+/// Refuses another sweep than the expected one; reports the first key that differs.
 fn check_same(path: &Path, expected: &SweepFile, got: &SweepFile, shard_too: bool) -> Result<(), FolderError> {
     let settings = |sweep: &Sweep| format!("{:?}", sweep.settings);
     let keys = |about: &SweepFile| {
@@ -286,7 +288,7 @@ fn check_same(path: &Path, expected: &SweepFile, got: &SweepFile, shard_too: boo
     Ok(())
 }
 
-/// Records in groups of a trial.
+/// Records in groups, one per trial.
 fn by_trial(records: Vec<TrialRecord>) -> Vec<Vec<TrialRecord>> {
     let mut trials: Vec<Vec<TrialRecord>> = Vec::new();
     for record in records {
@@ -298,8 +300,8 @@ fn by_trial(records: Vec<TrialRecord>) -> Vec<Vec<TrialRecord>> {
     trials
 }
 
-/// The records of whole trials, and where the last of them ends, in bytes. A last line or trial that was half written is left out; anything
-/// else that is broken is an error.
+/// The records of complete trials, and the offset of their end, in bytes. An incomplete last line or trial is left out;
+/// any other defect is an error.
 fn whole_trials(path: &Path, about: &SweepFile) -> Result<(Vec<TrialRecord>, u64), FolderError> {
     let bytes = match fs::read(path) {
         Ok(bytes) => bytes,

@@ -1,4 +1,4 @@
-//! A detector that is in no list, somebody's own, on the ramps: judged on the same frames and by the same definitions.
+//! A user's own detector, which is in no list, on the ramps: judged on the same frames and by the same definitions.
 //!
 //! ```text
 //!   a rival's monitor --frame, report--> Guest --score--> records --> the tables of `ramps`
@@ -13,22 +13,22 @@ use slipbound::monitor::{SlipMonitor, SlipReport};
 use slipbound::port::FrameBuffer;
 use slipbound::setting::SettingError;
 
-/// The rival whose place in the run a guest takes: it is told what all rivals are told.
+/// The rival whose place in the run a guest takes: it receives the same inputs as all rivals.
 const SEAT: &str = "displacement";
 
-/// Somebody's own detector, told what rivals are told: frames, and what a monitor says of them.
+/// A user's own detector, with the inputs of the rivals: frames, and the results of a monitor on them.
 pub trait Guest {
-    /// It has seen nothing: a trial begins.
+    /// Resets it: a trial begins.
     fn begin(&mut self);
 
-    /// Judges a frame: the larger the score, the more it speaks for slip. One that is not finite counts as 0.
+    /// Judges a frame: a larger score means stronger evidence of slip. A score that is not finite counts as 0.
     fn see(&mut self, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) -> f64;
 
-    /// Counts from the frame it has seen last, the one before the load.
+    /// Makes the last frame seen its reference: the one before the load.
     fn restart(&mut self);
 }
 
-/// The rivals of these names, to be judged on the frames that the guest sees.
+/// The rivals of these names, to be judged on the same frames as the guest.
 pub fn rivals(names: &[&str]) -> Result<Vec<&'static Entry>, SettingError> {
     names.iter().map(|name| named(name)).collect()
 }
@@ -92,7 +92,7 @@ mod tests {
     use crate::eval::{Outcome, Protocol, ramps::Ramps};
     use crate::rivals::{Detector, Displacement};
 
-    /// A detector of the list as somebody's own.
+    /// A detector of the list as a user's own.
     struct Same(Displacement);
 
     impl Guest for Same {

@@ -6,7 +6,7 @@
 //!                     scale: shipped; with --refit the medians of the clips of all other objects
 //! ```
 //!
-//! Nothing but the frames enters a verdict: no name, no label, no opening of the gripper.
+//! The verdict uses only the frames: no name, no label, no opening of the gripper.
 
 use super::clips::{Clips, Latch, RestFrom, Seen, judged, object_of_name, other};
 use super::error::EvalError;
@@ -19,7 +19,7 @@ use slipbound::monitor::{EvidenceScale, EvidenceSettings};
 use slipbound::sensor::Sensor;
 use std::sync::OnceLock;
 
-/// Frames before this one give no score: markers first move at index 5 to 7.
+/// Frames before this one get no score: markers first move at index 5 to 7.
 const SCORED_FROM_FRAME: u64 = 5;
 
 /// The protocol `lifts`.
@@ -32,10 +32,10 @@ pub struct Lifts {
     evidence: OnceLock<Result<Vec<Latch>, String>>,
 }
 
-/// A clip as a scale is fitted to it.
+/// A clip for the fit of a scale.
 #[derive(Debug, Clone, Copy)]
 struct Example<'a> {
-    /// What was held.
+    /// The held object.
     object: &'a str,
     /// Whether it slipped.
     slips: bool,
@@ -43,7 +43,7 @@ struct Example<'a> {
     latch: Latch,
 }
 
-/// The scale on which the medians of held and of slipped clips are 0 and 1; None without examples of both.
+/// The scale on which the medians of held and of slipped clips are 0 and 1; None unless there are examples of both.
 fn fit<'a>(examples: impl Iterator<Item = Example<'a>> + Clone) -> Option<EvidenceSettings> {
     let scale = |value: fn(&Latch) -> f64| {
         let of = |slips: bool| {
@@ -59,7 +59,7 @@ fn fit<'a>(examples: impl Iterator<Item = Example<'a>> + Clone) -> Option<Eviden
     Some(settings)
 }
 
-/// The scale for clips of an object, fitted to those of all others.
+/// The scale for clips of an object, fitted to those of all other objects.
 fn left_out_scale(examples: &[Example<'_>], object: &str) -> Option<EvidenceSettings> {
     fit(examples.iter().filter(|other| other.object != object).copied())
 }
@@ -102,7 +102,7 @@ impl Lifts {
         self.clips.names.iter().map(one).collect()
     }
 
-    /// What the detectors saw in the frames that count.
+    /// Results of the detectors on the scored frames.
     fn watch(&self, name: &str, detectors: &[&'static Entry]) -> Result<Vec<Vec<Seen>>, EvalError> {
         let mut seen = self.clips.watch(&self.clips.path(name), &self.sensor, RestFrom::FirstFrame, detectors)?;
         seen.iter_mut().for_each(|frames| frames.retain(|frame| frame.frame >= SCORED_FROM_FRAME));
@@ -201,13 +201,13 @@ impl Protocol for Lifts {
 }
 
 impl Lifts {
-    /// The object of a record: labels.csv knows it, else the name of the clip may.
+    /// The object of a record: from labels.csv, otherwise from the name of the clip.
     fn object_of<'a>(&'a self, record: &'a TrialRecord) -> &'a str {
         self.clips.labels.get(&record.trial).map_or(record.object.as_str(), |label| label.object.as_str())
     }
 }
 
-/// Right and wrong, and the area under the curve, of the records whose truth is known.
+/// Right and wrong verdicts, and the area under the curve, of the records with a known truth.
 pub fn row(name: &str, records: &[&TrialRecord]) -> Vec<Cell> {
     let scores =
         |truth: bool| -> Vec<f64> { records.iter().filter(|r| r.truth == Some(truth)).map(|r| r.score).collect() };

@@ -1,7 +1,7 @@
 use super::*;
 use crate::random::Random;
 
-/// Clips of four objects whose evidence tells slipped from held, with some overlap.
+/// Clips of four objects whose evidence separates slipped from held, with some overlap.
 fn clips(random: &mut Random) -> Vec<Example<'static>> {
     let mut clips = Vec::new();
     for object in ["cup", "pen", "tube", "box"] {
@@ -22,7 +22,7 @@ fn clips(random: &mut Random) -> Vec<Example<'static>> {
     clips
 }
 
-/// The scores of clips, each on the scale fitted to the clips of all other objects with the labels it is told.
+/// The scores of clips, each on the scale fitted to the clips of all other objects with the given labels.
 fn left_out_scores(clips: &[Example<'_>], labels: &[bool]) -> Vec<f64> {
     let told: Vec<Example<'_>> = clips.iter().zip(labels).map(|(clip, &slips)| Example { slips, ..*clip }).collect();
     let score = |clip: &Example<'_>| left_out_scale(&told, clip.object).map_or(0.0, |scale| clip.latch.score(&scale));
@@ -36,7 +36,7 @@ fn area(clips: &[Example<'_>], scores: &[f64]) -> f64 {
     auc(&of(true), &of(false)).value.expect("both kinds")
 }
 
-/// Areas under the curve of a way to score when the labels that fits are told are shuffled.
+/// Areas under the curve of a scoring method if the labels for the fits are shuffled.
 fn shuffled_areas(
     clips: &[Example<'_>],
     random: &mut Random,
@@ -65,7 +65,7 @@ fn shuffled_training_labels_centre_on_chance_and_the_true_ones_beat_them() {
     assert!((mean - 0.5).abs() < 0.1, "mean of shuffles {mean}");
     assert!(beaten >= 198, "{truly} beats {beaten} of 200");
 
-    // The check sees a leak: a score that knows the own label is as good with shuffled ones.
+    // The check detects a leak: a score that uses the clip's own label stays good with shuffled labels.
     let leaking = |clips: &[Example<'_>], labels: &[bool]| -> Vec<f64> {
         let honest = left_out_scores(clips, labels);
         honest.iter().zip(clips).map(|(score, clip)| score + 3.0 * f64::from(u8::from(clip.slips))).collect()
@@ -80,7 +80,7 @@ fn a_scale_has_nothing_from_clips_of_the_object_it_judges() {
     let mut clips = clips(&mut random);
     let labels: Vec<bool> = clips.iter().map(|clip| clip.slips).collect();
     let before = left_out_scores(&clips, &labels);
-    // Other evidence and other labels of the cup's other clips change nothing for its first.
+    // Other evidence and labels of the other clips of the cup do not change the score of its first.
     for clip in clips.iter_mut().filter(|clip| clip.object == "cup").skip(1) {
         (clip.latch.relaxation, clip.slips) = (9.0, !clip.slips);
     }

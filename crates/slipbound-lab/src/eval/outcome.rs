@@ -1,4 +1,4 @@
-//! From what a detector saw of a load that grows to what the record says: in time, false, late, missed; how exact.
+//! From the results of a detector under a growing load to its record: in time, false, late, missed; how accurate.
 
 use super::facts::{Facts, kind_of_motion};
 use super::record::TrialRecord;
@@ -19,21 +19,22 @@ const SCORED_FROM_FRACTION: f64 = 0.1;
 /// Load fraction from which the friction coefficient is scored.
 const FRICTION_FROM_FRACTION: f64 = 0.3;
 
-/// A load fraction below which `gross` is false.
+/// A load fraction below which a report of `gross` is false.
 const GROSS_FROM_FRACTION: f64 = 0.8;
 
-/// For how many frames the grip must have been steady for a frame to be scored: 0.2 s.
+/// Number of frames with steady grip that a frame needs to be scored: 0.2 s.
 const STEADY_FRAMES: usize = FRAME_RATE_HZ as usize / 5;
 
-/// Key of the highest score of the frames that count at f < 0.2: what an alarm must not be raised for.
+/// Key of the highest score of the counted frames at f < 0.2, at which no alarm must be raised.
 pub const SCORE_BELOW: &str = "score_below_f_0.2";
 
-/// Key of the median error that is stated with the margin over the scored frames: where it is large a trial could be left undecided.
+/// Key of the median stated error of the margin over the scored frames: trials with a large one could be left
+/// undecided.
 pub const MARGIN_SD: &str = "margin_sd";
 
-/// The stream of a trial of an evaluation. Streams of the training split are drawn from their seeds directly, these
-/// through one draw more: no seed given here repeats one of those. What fits take from a protocol itself they take from a seed that
-/// [`simulated`](super::simulated) refuses.
+/// The random stream of a trial of an evaluation. Streams of the training split are drawn from their seeds directly,
+/// these with one more draw, so no seed given here repeats one of those. The trials that fits take from a protocol
+/// itself use a seed that [`simulated`](super::simulated) refuses.
 pub fn stream(seed: u64, number: u64) -> Random {
     Random::of(Random::of(seed, 0xE7A1).next_u64(), number)
 }
@@ -43,12 +44,12 @@ pub fn camera_seed(random: &mut Random) -> u64 {
     random.next_u64() >> 16
 }
 
-/// How an alarm compares with the truth.
+/// The alarm compared with the ground truth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// An alarm between a load fraction of 0.2 and gross slip.
     InTime,
-    /// An alarm before there was a reason, or where nothing slips.
+    /// An alarm too early, or where nothing slips.
     False,
     /// An alarm after gross slip.
     Late,
@@ -62,7 +63,7 @@ impl Outcome {
     /// All, in the order of the tables.
     pub const ALL: [Outcome; 5] = [Outcome::InTime, Outcome::False, Outcome::Late, Outcome::Missed, Outcome::Quiet];
 
-    /// As records say it.
+    /// Its name in records.
     pub fn word(self) -> &'static str {
         match self {
             Outcome::InTime => "in_time",
@@ -79,7 +80,7 @@ impl Outcome {
         Outcome::ALL.into_iter().find(|outcome| outcome.word() == word)
     }
 
-    /// Whether an alarm came before gross slip, for a reason or not.
+    /// Whether an alarm came before gross slip, false or not.
     pub fn is_before_gross(self) -> bool {
         matches!(self, Outcome::InTime | Outcome::False)
     }
@@ -90,14 +91,14 @@ impl Outcome {
     }
 }
 
-/// Which trial it is, and what counts in it.
+/// A trial, and what counts in it.
 #[derive(Debug, Clone)]
 pub struct Asked {
     /// Number of the trial.
     pub number: u64,
     /// Its name.
     pub trial: String,
-    /// What is held.
+    /// The held object.
     pub object: String,
     /// Whether it is meant to slide in the end.
     pub slips: bool,
@@ -107,16 +108,17 @@ pub struct Asked {
     pub mu: Option<f64>,
 }
 
-/// Key of whether gross slip came.
+/// Key of whether gross slip occurred.
 const REACHES_GROSS: &str = "reaches_gross";
 
-/// Whether a record is of a trial that was meant to slide and never did: without gross slip there is no load fraction, and nothing to be in
-/// time for. The tables leave it out. A record without word of gross slip counts as one that came to it.
+/// Whether a record is of a trial that was meant to slide and never did: without gross slip there is no load fraction,
+/// and no time limit for an alarm. The tables leave it out. A record that does not say whether gross slip occurred
+/// counts as one in which it did.
 pub fn never_slides(record: &TrialRecord) -> bool {
     record.truth != Some(false) && record.flag_of(REACHES_GROSS) == Some(false)
 }
 
-/// How many trials of some records [`never_slides`] leaves out, as a sentence to end a note with; empty for none.
+/// The number of trials that [`never_slides`] leaves out, as the last sentence of a note; empty for none.
 pub(super) fn left_out_note<'a>(records: impl IntoIterator<Item = &'a TrialRecord>) -> String {
     let trials: BTreeSet<u64> = records.into_iter().filter(|r| never_slides(r)).map(|r| r.number).collect();
     match trials.len() {
@@ -125,8 +127,8 @@ pub(super) fn left_out_note<'a>(records: impl IntoIterator<Item = &'a TrialRecor
     }
 }
 
-/// The load fraction of every frame; 0 before the load. Where the object never slid, the load itself: a fraction only of a trial that is
-/// loaded in shares of what makes it slide.
+/// The load fraction of every frame; 0 before the load. If the object never slid, the load itself, which is a fraction
+/// only if the trial states its load in shares of the load that makes the object slide.
 pub fn fractions(watched: &Watched) -> Vec<f64> {
     let whole = watched.gross.map_or(1.0, |gross| gross.load);
     watched
@@ -136,7 +138,7 @@ pub fn fractions(watched: &Watched) -> Vec<f64> {
         .collect()
 }
 
-/// The record of a detector on a trial in which a load grows.
+/// The record of a detector on a trial with a growing load.
 pub fn record(asked: &Asked, entry: &Entry, watched: &Watched, seen: &[Seen]) -> TrialRecord {
     let f = fractions(watched);
     let facts = &watched.facts;
@@ -190,19 +192,19 @@ pub fn record(asked: &Asked, entry: &Entry, watched: &Watched, seen: &[Seen]) ->
     }
 }
 
-/// When `gross` was said, and whether it stayed.
+/// When `gross` was reported, and whether it persisted.
 fn with_gross(record: TrialRecord, watched: &Watched, seen: &[Seen], f: &[f64]) -> TrialRecord {
     let facts = &watched.facts;
     let said = |n: &usize| seen[*n].state == SlipState::Gross;
     let Some(first) = (0..facts.len()).find(said) else { return record.with("gross_said_frame", None::<u64>) };
-    // A slide that turns a corner loads the first direction less and slides all the same.
+    // A slide that changes direction has less load along the first direction, but still slides.
     let slid = |n: usize| watched.gross.is_some_and(|gross| facts[n].time_s >= gross.time_s);
     let is_true = |n: &usize| watched.gross.is_some() && (f[*n] >= GROSS_FROM_FRACTION || slid(*n));
     let is_false = !is_true(&first);
     let record = record.with("gross_said_frame", facts[first].frame).with("gross_false", is_false);
     let Some(gross) = watched.gross else { return record };
     let Some(began) = (0..facts.len()).find(|&n| facts[n].time_s >= gross.time_s) else { return record };
-    // The first word that is not false: an early one must not count as fast.
+    // The first report that is not false: an early one must not count as fast.
     let Some(true_first) = (0..facts.len()).filter(said).find(is_true) else { return record };
     let slid_mm = (facts[true_first].pose.position_mm - gross.pose.position_mm).length()
         + (facts[true_first].pose.turn_rad - gross.pose.turn_rad).abs() * facts[true_first].arm_mm;
@@ -214,13 +216,13 @@ fn with_gross(record: TrialRecord, watched: &Watched, seen: &[Seen], f: &[f64]) 
         .with("gross_kept_frames", later().filter(said).count())
 }
 
-/// Whether the grip has been steady so long that a frame is scored.
+/// Whether the grip has been steady long enough for a frame to be scored.
 fn is_steady(facts: &[Facts], n: usize) -> bool {
     let now_n = facts[n].grip_n;
     n >= STEADY_FRAMES && facts[n - STEADY_FRAMES..n].iter().all(|f| (f.grip_n - now_n).abs() <= 0.005 * now_n)
 }
 
-/// How exact the estimates of the reports are, over the frames before gross slip that are scored.
+/// Accuracy of the reported estimates, over the scored frames before gross slip.
 fn with_estimates(record: TrialRecord, asked: &Asked, watched: &Watched, seen: &[Seen], f: &[f64]) -> TrialRecord {
     let facts = &watched.facts;
     let Some(gross) = watched.gross else { return record };
@@ -237,7 +239,7 @@ fn with_estimates(record: TrialRecord, asked: &Asked, watched: &Watched, seen: &
         let squares: Vec<f64> = errors.iter().map(|error| error * error).collect();
         mean(&squares).filter(|_| whole > 0.0).map(|square| square.sqrt() / whole)
     };
-    // A load without force, or without torque, has no share of it to be wrong by.
+    // Without a load of force, or of torque, there is no relative error of it.
     let (force_n, torque_n_mm) = (at_gross.wrench.force_n.length(), at_gross.wrench.torque_n_mm.abs());
     let (pulls, turns) = (force_n * at_gross.arm_mm > 0.3 * torque_n_mm, torque_n_mm > 0.3 * force_n * at_gross.arm_mm);
     let shear: Vec<f64> = under_load()

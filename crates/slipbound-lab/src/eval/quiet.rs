@@ -1,11 +1,11 @@
-//! Hours in which nothing slides: grip steps, presses to 60 N, rolling, drift and vibration, held still in between.
+//! Hours in which nothing slides: grip steps, presses to 60 N, rolling, drift and vibration, with pauses in between.
 //!
 //! ```text
 //!   an episode of a minute:   rest, press | still | event | still | event | ...
 //!                                            `-- the contact stands, every frame has fresh camera noise
 //! ```
 //!
-//! An episode is a trial: a sweep that was cut goes on, and 120 of them are two hours.
+//! An episode is a trial, so an interrupted sweep can be continued; 120 of them are two hours.
 
 use super::error::EvalError;
 use super::outcome::{camera_seed, stream};
@@ -23,13 +23,13 @@ use crate::world::FRAME_RATE_HZ;
 use slipbound::plane::Vec2;
 use std::collections::BTreeMap;
 
-/// Episodes unless others are asked for: two hours.
+/// Default number of episodes: two hours.
 const TRIALS_COUNT: u64 = 120;
 
 /// Frames of an episode: a minute.
 const FRAMES_COUNT: u64 = 60 * FRAME_RATE_HZ;
 
-/// Frames at rest before.
+/// Rest frames at the start.
 const REST_FRAMES: u64 = 12;
 
 /// Grip, N.
@@ -38,11 +38,11 @@ const FORCE_N: (f64, f64) = (5.0, 60.0);
 /// Stillness after an event, frames: 2 to 6 s.
 const STILL_FRAMES: (f64, f64) = (60.0, 180.0);
 
-/// Furthest that an object has rolled from where it was put, mm.
+/// Largest distance that an object has rolled from its start, mm.
 const MOST_ROLL_MM: f64 = 5.0;
 
-/// What a drift loads the object with at most, over what would make it slide: guessed from the largest faces, so
-/// less on small ones. The truth is in the record as `most_load_fraction`.
+/// Largest load of a drift over the load that would make the object slide: estimated for the largest faces, so less on
+/// small ones. The ground truth is in the record as `most_load_fraction`.
 const DRIFT_FRACTION: f64 = 0.1;
 
 /// Load over mu P below which an alarm is false, as in the other protocols.
@@ -51,7 +51,7 @@ const LEAST_LOAD_FRACTION: f64 = 0.2;
 /// Shear stiffness of the gel times the largest face, N/mm.
 const FACE_N_PER_MM: f64 = 40.0;
 
-/// What can happen.
+/// Kinds of events.
 const EVENTS: [&str; 5] = ["grip step", "press to 60 N", "roll", "drift", "vibration"];
 
 /// The script of an episode.
@@ -60,7 +60,7 @@ pub(crate) struct Script {
     legs: Vec<Leg>,
     /// World frames after which it stands still, and for how long.
     stills: Vec<(u64, u64)>,
-    /// Number of the first frame of each event as they are counted in the end, and which it is.
+    /// Number of the first frame of each event, counted with the pauses, and the event.
     events: Vec<(u64, &'static str)>,
 }
 
@@ -76,7 +76,7 @@ fn script(trial: &Trial, random: &mut Random) -> Script {
         events: vec![(0, "press")],
     };
     let (mut force_n, mut rolled_mm) = (trial.number("force_n"), Vec2::ZERO);
-    // Frames of the world, and of all frames with those in which it stands.
+    // Frames of the world, and all frames including the pauses.
     let (mut world_frames, mut frames) = (REST_FRAMES + press_frames + 6, REST_FRAMES + press_frames + 6);
     loop {
         let still = random.between(STILL_FRAMES.0, STILL_FRAMES.1) as u64;
@@ -138,7 +138,7 @@ impl Quiet {
         Quiet { seed, trials_count: trials.unwrap_or(TRIALS_COUNT) }
     }
 
-    /// The script of an episode, and what is watched.
+    /// The script of an episode, and what to watch.
     pub(crate) fn watch_of(&self, number: u64) -> Result<(Script, Watch), EvalError> {
         let mut random = stream(self.seed, 4 << 32 | number);
         let object = &OBJECTS[(number % 10) as usize];
@@ -168,7 +168,7 @@ impl Quiet {
 
 /// The record of a detector on an episode.
 fn record(number: u64, trial: &Trial, script: &Script, watched: &Watched, entry: &Entry, seen: &[Seen]) -> TrialRecord {
-    // Nobody tells ours when the object is held; rivals begin there.
+    // Ours is not told when the object is held; rivals start there.
     let from_frame = if entry.is_ours() { 0 } else { watched.load_from_frame };
     let counts = |n: usize| watched.facts[n].frame >= from_frame;
     let begins = |n: usize| seen[n].alarms && counts(n) && (n == 0 || !seen[n - 1].alarms || !counts(n - 1));
@@ -176,7 +176,8 @@ fn record(number: u64, trial: &Trial, script: &Script, watched: &Watched, entry:
         let facts = &watched.facts[n];
         facts.wrench.force_n.length() / (trial.mu() * facts.grip_n).max(f64::MIN_POSITIVE)
     };
-    // A grip let go while it holds some shear is a load like any other: what is said above a fifth of the load that slides is no false alarm.
+    // Releasing a grip while it holds some shear is a load like any other: an alarm above a fifth of the load that
+    // slides is not a false alarm.
     let (alarms, under_load): (Vec<usize>, Vec<usize>) =
         (0..seen.len()).filter(|&n| begins(n)).partition(|&n| load(n) < LEAST_LOAD_FRACTION);
     let first = alarms.first().map(|&n| watched.facts[n].frame);

@@ -1,4 +1,4 @@
-//! Tables over ramps: alarms, lead, exactness, direction, gross.
+//! Tables over ramps: alarms, lead time, accuracy, direction, gross slip.
 
 use super::outcome::{FALSE_BELOW_FRACTION, Outcome, SCORE_BELOW, left_out_note, never_slides};
 use super::record::TrialRecord;
@@ -18,7 +18,7 @@ fn flags(records: &[&TrialRecord], key: &str) -> Estimated {
     share_of(records.iter().filter_map(|r| r.flag_of(key)))
 }
 
-/// The detectors of some records: those of the list in its order, then others as they come.
+/// The detectors of some records: those of the list in its order, then others in order of appearance.
 fn names(records: &[TrialRecord]) -> Vec<&str> {
     let mut names: Vec<&str> = DETECTORS.iter().map(|entry| entry.name).collect();
     for record in records {
@@ -29,12 +29,12 @@ fn names(records: &[TrialRecord]) -> Vec<&str> {
     names
 }
 
-/// Those that come to gross slip.
+/// Those that reach gross slip.
 fn sliding<'a>(records: &'a [TrialRecord], detector: &str) -> Vec<&'a TrialRecord> {
     records.iter().filter(|r| r.detector == detector && !never_slides(r)).collect()
 }
 
-/// Alarm before gross slip: whether it was false or in time.
+/// Alarms before gross slip, false or in time.
 fn before_gross(records: &[&TrialRecord]) -> Estimated {
     share_of(records.iter().map(|r| Outcome::of(r).is_some_and(Outcome::is_before_gross)))
 }
@@ -53,7 +53,7 @@ fn fractions(records: &[&TrialRecord]) -> Vec<f64> {
     numbers(&alarmed(records), "f_at_alarm")
 }
 
-/// The tables of all ramps, their titles begun with `prefix`.
+/// The tables of all ramps; `prefix` starts their titles.
 pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
     let title = |title: &str| format!("{prefix}{title}");
     let mut alarms = Table::new(
@@ -163,11 +163,11 @@ fn exactness(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
     ]
 }
 
-/// A row about `gross`: said, delay, kept, false.
+/// A row about `gross`: reported, delay, kept, false.
 pub(super) fn gross_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
     let delays = numbers(all, "gross_delay_frames");
     let sum = |key: &str| numbers(all, key).iter().sum::<f64>() as u64;
-    // A ramp in which it was never said is not within two frames.
+    // A ramp in which it was never reported is not within two frames.
     let within = delays.iter().filter(|&&delay| delay <= GROSS_WITHIN_FRAMES as f64).count() as u64;
     let wrong = all.iter().filter(|r| r.flag_of("gross_false") == Some(true)).count() as u64;
     vec![

@@ -1,7 +1,7 @@
-//! Loads of fixed direction that grow until the object slides, with friction unknown.
+//! Loads of fixed direction that grow until the object slides, with unknown friction.
 //!
 //! Stratified over object, force 10 to 60 N, friction 0.3 to 1.2 (evenly in its logarithm), direction, kind of load and
-//! speed. Rivals start anew from the last frame before the load; ours watches from the first touch and is told nothing.
+//! speed. Rivals restart at the last frame before the load; ours runs from the first touch without such information.
 
 use super::coverage;
 use super::digest::Digest;
@@ -21,14 +21,14 @@ use std::collections::BTreeMap;
 /// Objects of the paper: the library without the cap.
 const OBJECTS_COUNT: u64 = 10;
 
-/// Trials unless others are asked for.
+/// Default number of trials.
 const TRIALS_COUNT: u64 = 1200;
 
 /// Grip forces, N, and friction coefficients.
 pub(super) const FORCE_N: (f64, f64) = (10.0, 60.0);
 pub(super) const MU: (f64, f64) = (0.3, 1.2);
 
-/// What is drawn for a ramp.
+/// The drawn parameters of a ramp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Draw {
     pub object: usize,
@@ -50,8 +50,8 @@ const STEPS: [f64; 5] = {
     [first, second, third, fourth, fourth / ROOT]
 };
 
-/// The `number`th of a sequence that covers its ranges evenly however many are taken; the seed shifts it. Every object has a sequence of
-/// its own.
+/// The `number`th of a sequence that covers its ranges evenly for any length; the seed shifts it. Every object has its
+/// own sequence.
 pub(super) fn draw(seed: u64, number: u64) -> Draw {
     let (object, k) = (number % OBJECTS_COUNT, number / OBJECTS_COUNT);
     let mut shift = stream(seed, 1 << 32 | object);
@@ -70,13 +70,13 @@ pub(super) fn draw(seed: u64, number: u64) -> Draw {
         mu: MU.0 * libm::pow(MU.1 / MU.0, mu),
         direction_deg: 360.0 * direction,
         twist_fraction,
-        // Every second ramp takes 1 s, on which the lead is scored; the others 0.4 to 2 s.
+        // Every second ramp takes 1 s and is used for the lead time; the others take 0.4 to 2 s.
         ramp_s: if k % 2 == 0 { 1.0 } else { 0.4 * libm::pow(5.0, speed) },
     }
 }
 
 impl Draw {
-    /// The trial; place, angle and camera are drawn from the stream of its number.
+    /// The trial; position, angle and camera are drawn from the stream of its number.
     pub fn trial(&self, seed: u64, number: u64, also: &str) -> Result<Trial, slipbound::setting::SettingError> {
         let mut random = stream(seed, number);
         let (x_mm, y_mm) = (random.between(-0.5, 0.5), random.between(-0.5, 0.5));
@@ -95,7 +95,7 @@ impl Draw {
     }
 }
 
-/// The records of a ramp that was watched.
+/// The records of a ramp.
 pub(super) fn records(number: u64, name: &str, trial: &Trial, mu: Option<f64>, watched: &Watched) -> Vec<TrialRecord> {
     let kind = match trial.number("twist_fraction").abs() {
         0.0 => "pull",
@@ -108,7 +108,7 @@ pub(super) fn records(number: u64, name: &str, trial: &Trial, mu: Option<f64>, w
             trial: name.into(),
             object: trial.object().name.into(),
             slips: true,
-            // Nobody tells ours when the load begins: what it says while gripping counts.
+            // Ours is not told when the load begins: its alarms while gripping count.
             from_frame: if entry.is_ours() { 0 } else { watched.load_from_frame },
             mu,
         };
@@ -126,7 +126,7 @@ pub(super) fn records(number: u64, name: &str, trial: &Trial, mu: Option<f64>, w
 pub struct Ramps {
     seed: u64,
     trials_count: u64,
-    /// By object, trees that were fitted without it.
+    /// Trees by object, fitted without it.
     left_out: Option<BTreeMap<&'static str, EstimateTrees>>,
     /// Digest of their tables.
     tables: String,
@@ -138,7 +138,8 @@ impl Ramps {
         Ramps { seed, trials_count: trials.unwrap_or(TRIALS_COUNT), left_out: None, tables: String::new() }
     }
 
-    /// Each object judged by trees that were fitted without it; `table` of every object's name: the table as it is written, and the trees in it.
+    /// Each object is judged by trees that were fitted without it; `table` gives for an object's name the text of the
+    /// table and its trees.
     ///
     /// # Errors
     /// Those of `table`.

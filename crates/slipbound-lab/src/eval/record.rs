@@ -1,4 +1,4 @@
-//! What a detector said about a trial: a line of trials.jsonl.
+//! Results of a detector on a trial: a line of trials.jsonl.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -7,31 +7,31 @@ use std::collections::BTreeMap;
 /// The keys of every record, in the order in which a line has them.
 pub const KEYS: [&str; 8] = ["number", "trial", "object", "detector", "truth", "verdict", "score", "first_alarm_frame"];
 
-/// One detector on one trial or clip.
+/// Results of one detector on one trial or clip.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrialRecord {
     /// Place of the trial in the whole sweep, from 0; the same in every shard.
     pub number: u64,
     /// Name of the trial or of the clip.
     pub trial: String,
-    /// What is held.
+    /// The held object.
     pub object: String,
     /// `ours`, or the name of the rival.
     pub detector: String,
-    /// What is true: it slips (or whatever the protocol asks). None where nobody knows, as for a clip without label.
+    /// Ground truth: it slips (or whatever the protocol asks). None if unknown, as for a clip without a label.
     pub truth: Option<bool>,
-    /// What the detector says.
+    /// The verdict of the detector.
     pub verdict: bool,
-    /// Highest causal score of the frames that count, finite: the larger, the more it speaks for slip.
+    /// Highest causal score of the counted frames, finite: a larger score means stronger evidence of slip.
     pub score: f64,
     /// Number of the first frame with an alarm; None without one.
     pub first_alarm_frame: Option<u64>,
-    /// What the protocol adds, by name and unit, as `f_at_alarm` or `lead_ms`.
+    /// Additional values of the protocol, by name and unit, such as `f_at_alarm` or `lead_ms`.
     #[serde(flatten)]
     pub more: BTreeMap<String, Value>,
 }
 
-/// Why a line is no record.
+/// Why a line is not a record.
 #[derive(Debug, thiserror::Error)]
 #[error("expected a record with the keys {}: {source}", KEYS.join(", "))]
 pub struct RecordLineError {
@@ -40,28 +40,28 @@ pub struct RecordLineError {
 }
 
 impl TrialRecord {
-    /// The record with one thing more. A number that is not finite is written as null.
+    /// The record with one more value. A number that is not finite is written as null.
     pub fn with(mut self, key: &str, value: impl Into<Value>) -> Self {
         self.more.insert(key.into(), value.into());
         self
     }
 
-    /// A number of what the protocol adds; None where it is null or absent.
+    /// An additional number; None if it is null or absent.
     pub fn number_of(&self, key: &str) -> Option<f64> {
         self.more.get(key)?.as_f64()
     }
 
-    /// A word of what the protocol adds; None where it is null or absent.
+    /// An additional word; None if it is null or absent.
     pub fn word_of(&self, key: &str) -> Option<&str> {
         self.more.get(key)?.as_str()
     }
 
-    /// A yes or no of what the protocol adds; None where it is null or absent.
+    /// An additional yes or no; None if it is null or absent.
     pub fn flag_of(&self, key: &str) -> Option<bool> {
         self.more.get(key)?.as_bool()
     }
 
-    /// Whether the verdict is the truth; None where the truth is not known.
+    /// Whether the verdict is correct; None if the truth is unknown.
     pub fn is_right(&self) -> Option<bool> {
         self.truth.map(|truth| truth == self.verdict)
     }

@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 
-/// Judges the trials of some numbers on `jobs_count` threads. `keep` gets the records of one trial after the other, in
-/// the order of `numbers`, whichever was ready first.
+/// Judges the trials of some numbers on `jobs_count` threads. `keep` receives the records of one trial after the other,
+/// in the order of `numbers`, whichever finishes first.
 pub fn run(
     protocol: &dyn Protocol,
     detectors: &[&'static Entry],

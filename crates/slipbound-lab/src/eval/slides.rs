@@ -1,4 +1,5 @@
-//! Guided slides: a hand that follows its path whatever the friction, at 0.5 to 50 mm/s, at least 30 frames beyond gross slip.
+//! Guided slides: a hand that follows its path whatever the friction, at 0.5 to 50 mm/s, for at least 30 frames after
+//! gross slip.
 
 use super::error::EvalError;
 use super::outcome::{Asked, camera_seed, left_out_note, never_slides, record, stream};
@@ -20,33 +21,34 @@ use slipbound::setting::SettingError;
 /// Speeds, mm/s.
 pub const SPEEDS_MM_PER_S: [f64; 4] = [0.5, 2.0, 10.0, 50.0];
 
-/// Trials unless others are asked for: 40 of each speed.
+/// Default number of trials: 40 of each speed.
 const TRIALS_COUNT: u64 = 160;
 
 /// Frames after gross slip.
 const FRAMES_AFTER_GROSS: u64 = 36;
 
-/// Furthest that a hand goes before gross slip, mm: what a strong grip on a small face needs.
+/// Largest travel of a hand before gross slip, mm: what a strong grip on a small face needs.
 const MOST_MM: f64 = 8.0;
 
-/// From this speed on a hand goes straight for a while, until the object slides, and then round a circle of this radius:
-/// straight on it would leave the pad. On the circle friction lags behind the motion, so it must begin to slide before.
+/// From this speed on a hand moves straight until the object slides, and then on a circle of this radius: straight on
+/// it would leave the pad. On the circle friction lags behind the motion, so sliding must begin before it.
 const ROUND_FROM_MM_PER_S: f64 = 10.0;
 const ROUND_AFTER_MM: f64 = 3.0;
 const ROUND_RADIUS_MM: f64 = 2.0;
 
-/// Largest grip, N, and friction in such a slide: more would shear a small face as far as the circle is wide, and it would not slide.
+/// Largest grip, N, and friction in such a slide: more would shear a small face by as much as the circle is wide, and
+/// it would not slide.
 const ROUND_MOST_N: f64 = 15.0;
 const ROUND_MOST_MU: f64 = 0.8;
 
-/// How far before the middle of the pad a straight slide begins, mm.
+/// Distance from the start of a straight slide to the middle of the pad, mm.
 const BEFORE_MM: f64 = 2.5;
 
-/// Speed from which `gross` is asked for within two frames, and the sliding within which it is below that.
+/// Speed from which `gross` must be reported within two frames, and the sliding distance that applies below it.
 const FAST_FROM_MM_PER_S: f64 = 5.0;
 const SLOW_WITHIN_MM: f64 = 0.3;
 
-/// Grip, N: at more a small face shears further than the gel.
+/// Grip, N: with more, a small face shears by more than the gel is long.
 const FORCE_N: (f64, f64) = (10.0, 30.0);
 
 /// The protocol.
@@ -56,7 +58,7 @@ pub struct Slides {
     trials_count: u64,
 }
 
-/// A path at an even speed, straight or round.
+/// A path at constant speed, straight or round.
 fn path(trial: &Trial, speed_mm_per_s: f64, direction_rad: f64) -> Result<LoadProfile, SettingError> {
     let begin_s = trial.number("press_s") + trial.number("settle_s");
     let mut legs =
@@ -92,7 +94,7 @@ impl Slides {
         Slides { seed, trials_count: trials.unwrap_or(TRIALS_COUNT) }
     }
 
-    /// Speed, mm/s, and what is watched.
+    /// Speed, mm/s, and what to watch.
     pub(crate) fn watch_of(&self, number: u64) -> Result<(f64, Watch), EvalError> {
         let speeds_count = SPEEDS_MM_PER_S.len() as u64;
         let speed_mm_per_s = SPEEDS_MM_PER_S[(number % speeds_count) as usize];
@@ -103,7 +105,7 @@ impl Slides {
         let most_mu = if is_round { ROUND_MOST_MU } else { MU.1 };
         let mu = MU.0 * libm::pow(most_mu / MU.0, random.fraction());
         let direction_rad = match is_round {
-            // Along an edge of the pad: the circle fits on it that way.
+            // Along an edge of the pad, where the circle fits on it.
             true => std::f64::consts::FRAC_PI_2 * (random.next_u64() % 4) as f64,
             false => random.between(0.0, std::f64::consts::TAU),
         };

@@ -10,7 +10,7 @@ const Z: f64 = 1.959_963_984_540_054;
 pub struct Estimated {
     /// The number; None for an empty sample.
     pub value: Option<f64>,
-    /// Lower end of the interval; None where the sample tells none.
+    /// Lower end of the interval; None if the sample gives none.
     pub low: Option<f64>,
     /// Upper end.
     pub high: Option<f64>,
@@ -43,13 +43,13 @@ pub fn share(count: u64, of: u64) -> Estimated {
     let whole = 1.0 + Z * Z / n;
     let middle = (p + Z * Z / (2.0 * n)) / whole;
     let half = Z * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt() / whole;
-    // At the ends the bound is exact, not a rounding error beside it.
+    // At the ends the bound is exact, without a rounding error.
     let low = if count == 0 { 0.0 } else { middle - half };
     let high = if count == of { 1.0 } else { middle + half };
     Estimated::of(p, low, high, of)
 }
 
-/// The share of those who say yes.
+/// The share of true answers.
 pub fn share_of(answers: impl IntoIterator<Item = bool>) -> Estimated {
     let (mut count, mut of) = (0, 0);
     for answer in answers {
@@ -59,9 +59,9 @@ pub fn share_of(answers: impl IntoIterator<Item = bool>) -> Estimated {
     share(count, of)
 }
 
-/// Area under the ROC curve of scores (the larger, the more positive), ties counting half, with method 5 of Newcombe
-/// (Statistics in Medicine 25 (2006) 559): the interval of all areas from which this one is not more than 1.96 standard
-/// deviations away. Unlike DeLong's it is not empty when every positive stands above every negative.
+/// Area under the ROC curve of scores (larger means more positive), ties counting half, with method 5 of Newcombe
+/// (Statistics in Medicine 25 (2006) 559): the interval of all areas from which this one is at most 1.96 standard
+/// deviations away. Unlike DeLong's it is not empty if every positive is above every negative.
 pub fn auc(positives: &[f64], negatives: &[f64]) -> Estimated {
     let (m, n) = (positives.len(), negatives.len());
     if m == 0 || n == 0 {
@@ -90,7 +90,7 @@ pub fn auc(positives: &[f64], negatives: &[f64]) -> Estimated {
     Estimated::of(area, low, high, (m + n) as u64)
 }
 
-/// Where a condition that holds from `low` on stops to hold before `high`.
+/// The point between `low` and `high` at which a condition that holds at `low` stops holding.
 fn bisect(mut low: f64, mut high: f64, holds: impl Fn(f64) -> bool) -> f64 {
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
@@ -121,21 +121,21 @@ pub fn roc(positives: &[f64], negatives: &[f64]) -> Vec<(f64, f64)> {
     curve
 }
 
-/// Up to this size of a sample the ranks of an interval are exact; beyond it the normal approximation serves (Conover).
+/// Up to this sample size the ranks of an interval are exact; beyond it the normal approximation is used (Conover).
 const EXACT_COUNT: usize = 20;
 
-/// The ranks, from 1 to `count`, of the order statistics between which the `at` quantile lies at 95 %, whatever the distribution; None
-/// where the sample is too small to have them: a median needs six.
+/// The ranks, from 1 to `count`, of the order statistics that enclose the `at` quantile at 95 % confidence, for any
+/// distribution. None if the sample is too small: a median needs six.
 fn interval_ranks(count: usize, at: f64) -> Option<(usize, usize)> {
     let n = count as f64;
     let (low, high) = if count > EXACT_COUNT {
         let half = Z * (n * at * (1.0 - at)).sqrt();
         if half == 0.0 {
-            return None; // nothing lies beyond the ends of a distribution
+            return None; // no order statistic lies beyond the ends of a distribution
         }
         ((n * at - half).ceil(), (n * at + half).ceil())
     } else {
-        // The quantile has `below` of the sample under it with the chance of a binomial distribution. 2.5 % stay outside on either side.
+        // The number of values below the quantile has a binomial distribution. 2.5 % are excluded on either side.
         let mut chance = (0..count).fold(1.0, |chance, _| chance * (1.0 - at));
         let (mut up_to, mut low, mut high) = (0.0, 0.0, n + 1.0);
         for below in 0..=count {
@@ -154,8 +154,8 @@ fn interval_ranks(count: usize, at: f64) -> Option<(usize, usize)> {
 }
 
 /// A quantile of a sample, `at` from 0 to 1, interpolated between order statistics (type 7 of Hyndman and Fan), with
-/// the order statistics between which it lies at 95 % (Conover), whatever the distribution; no interval for a sample that is too
-/// small to have them.
+/// the order statistics that enclose it at 95 % confidence (Conover), for any distribution; no interval if the sample
+/// is too small.
 pub fn quantile(sample: &[f64], at: f64) -> Estimated {
     let mut sorted: Vec<f64> = sample.iter().copied().filter(|number| !number.is_nan()).collect();
     if sorted.is_empty() {
@@ -194,15 +194,15 @@ pub fn mean(sample: &[f64]) -> Estimated {
     }
 }
 
-/// Events per hour, with the exact (Garwood) one-sided 95 % bound above; below it stands 0. No event in T hours bounds
+/// Events per hour, with the exact (Garwood) one-sided 95 % upper bound; the lower end is 0. No event in T hours bounds
 /// the rate at 3.0 / T.
 pub fn rate_per_h(events: u64, hours_h: f64) -> Estimated {
     if hours_h <= 0.0 {
         return Estimated::NONE;
     }
     let n = events as f64;
-    // Chance of at most so many events when more are expected: from the largest term downwards, as the smallest, exp(-expected), is 0 in a
-    // double from 746 on.
+    // Probability of at most so many events if more are expected: summed from the largest term downwards, because the
+    // smallest, exp(-expected), underflows to 0 from 746 on.
     let at_most = |expected: f64| {
         let mut term = libm::exp(n * libm::log(expected) - expected - libm::lgamma(n + 1.0));
         let mut sum = term;
@@ -255,7 +255,7 @@ mod tests {
         assert!((0.8..0.99).contains(&perfect.low.expect("a bound")), "{perfect:?}: no certainty from 40 trials");
     }
 
-    /// The deviation at the bound is what the method asks for, and more trials make the interval narrower.
+    /// The deviation at the bound is the required one, and more trials make the interval narrower.
     #[test]
     fn the_interval_of_an_area_shrinks_with_the_sample() {
         let spread = |n: usize| {
@@ -287,7 +287,8 @@ mod tests {
         assert_eq!(quantile(&[2.0, f64::INFINITY], 1.0).value, Some(f64::INFINITY));
     }
 
-    /// The ranks of Conover's table A3 (binomial, p = 0.5), and none where the least and the largest do not reach 95 %.
+    /// The ranks of Conover's table A3 (binomial, p = 0.5), and none if the smallest and the largest value do not reach
+    /// 95 %.
     #[test]
     fn a_small_sample_has_no_interval_that_it_cannot_have() {
         let ranks = |count: usize, at: f64| {

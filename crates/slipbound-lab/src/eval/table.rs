@@ -5,17 +5,17 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
-/// What a sweep was run with: enough to run it again.
+/// The definition of a sweep: enough to run it again.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sweep {
     /// The protocol.
     pub protocol: String,
-    /// What its trials are drawn from.
+    /// The seed of its trials.
     pub seed: u64,
     /// Number of its trials, over all shards.
     pub trials_count: u64,
-    /// The software that ran it; another version may make other frames.
+    /// The software that ran it; another version may generate other frames.
     pub software_version: String,
     /// Everything else that changes a record: detectors, data, options.
     #[serde(default)]
@@ -31,9 +31,9 @@ pub enum Cell {
     Count(u64),
     /// A share of a whole, shown in percent.
     Share(Estimated),
-    /// A number, shown with so many decimals.
+    /// A number, shown with the given number of decimals.
     Number(Estimated, usize),
-    /// Nothing is known.
+    /// Unknown.
     None,
 }
 
@@ -95,7 +95,7 @@ pub struct Table {
     pub note: String,
     /// Names of the columns, with units; shares in percent.
     pub columns: Vec<String>,
-    /// As many cells a row as there are columns.
+    /// Rows, each with as many cells as there are columns.
     pub rows: Vec<Vec<Cell>>,
 }
 

@@ -1,8 +1,8 @@
-//! The paper's experiment with ten objects: held, pushed or turned until they slip, or not; does the rule say so?
+//! The paper's experiment with ten objects: held, pushed or turned until they slip, or not; does the rule detect it?
 //!
-//! Dong, Ma, Donlon and Rodriguez 2019, section IV: ten objects, 24 trials each, 18 of them with slip. Their forces
-//! and pushes were by hand and are not published trial by trial; ours are [`FORCES_N`] and [`pushes`]. Every detector
-//! starts anew from the last frame before the load, as the paper takes its reference once the object is held.
+//! Dong, Ma, Donlon and Rodriguez 2019, section IV: ten objects, 24 trials each, 18 of them with slip. Their forces and
+//! pushes were applied by hand and are not published trial by trial; ours are [`FORCES_N`] and [`pushes`]. Every
+//! detector restarts at the last frame before the load, as the paper takes its reference once the object is held.
 
 use super::error::EvalError;
 use super::outcome::{Asked, Outcome, camera_seed, left_out_note, never_slides, record};
@@ -16,13 +16,13 @@ use crate::random::Random;
 use crate::rivals::{DETECTORS, Entry};
 use crate::scenes::Trial;
 
-/// Grip forces per finger in N: the least a common gripper holds, a firm grip, a strong one.
+/// Grip forces per finger in N: the least force of a common gripper, a firm grip, a strong one.
 pub const FORCES_N: [f64; 3] = [5.0, 15.0, 30.0];
 
-/// A repeat beside the table of the paper: the force at which most of its demonstrations ran.
+/// A repetition in addition to the table of the paper: the force of most of its demonstrations.
 pub const STRONG_FORCE_N: f64 = 50.0;
 
-/// Load up to which a trial counts as one without slip, as a share of what would make the object slide.
+/// Largest load of a trial without slip, as a share of the load that would make the object slide.
 const NEGATIVE_FRACTION: f64 = 0.19;
 
 /// Trials of an object at one force: 24 at the three of the table, as in the paper.
@@ -31,26 +31,26 @@ const AT_FORCE: u64 = 8;
 /// Objects of the paper: the library without the cap.
 const OBJECTS_COUNT: u64 = 10;
 
-/// What the paper reports: right, false positives, false negatives, in percent of 240 trials.
+/// The paper's results: right, false positives, false negatives, in percent of 240 trials.
 const PUBLISHED: [f64; 3] = [86.25, 0.83, 12.92];
 
-/// Its two failing objects, and how many of their trials were right in percent, in the table and repeated at 50 N.
+/// Its two failing objects, with the percentage of right trials in the table and in the repetition at 50 N.
 const FAILING: [(&str, f64, f64); 2] = [("crayons_box", 49.97, 100.0), ("scrub_sponge", 33.33, 66.67)];
 
-/// Step through all trials of which the first few are a fair sample: a prime near 0.618 of 320.
+/// Step through all trials that makes the first few a fair sample: a prime near 0.618 of 320.
 const SPREAD: u64 = 197;
 
 /// A trial and whether the object slips in it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Push {
-    /// What happens.
+    /// The trial.
     pub trial: Trial,
     /// Whether the object slides as a whole in the end.
     pub slips: bool,
 }
 
-/// The eight trials of an object at a force: three pulls and three turns until it slides, and a pull and a harder
-/// grip that do not make it slide. Place, friction and speed vary with the seed. `n`: which force it is.
+/// The eight trials of an object at a force: three pulls and three turns until it slides, and a pull and a harder grip
+/// without slip. Position, friction and speed vary with the seed. `n`: index of the force.
 fn pushes_at(object: usize, n: usize, force_n: f64, seed: u64) -> Vec<Push> {
     let pull = |k: usize| format!("ramp?direction_deg={}", 90 * ((3 * n + k) % 4));
     let turn = |share: f64, k: usize| format!("ramp?twist_fraction={share}&direction_deg={}", 90 * ((n + k) % 4));
@@ -94,14 +94,14 @@ pub struct Table1 {
 }
 
 impl Table1 {
-    /// The trials of a seed; `trials` of them spread over objects, forces and kinds where not all are wanted.
+    /// The trials of a seed; fewer `trials` are spread over objects, forces and kinds.
     pub fn new(seed: u64, trials: Option<u64>) -> Self {
         let objects = 0..OBJECTS_COUNT as usize;
         let mut pushes: Vec<Push> = objects.clone().flat_map(|object| pushes(object, seed)).collect();
         pushes.extend(objects.flat_map(|object| pushes_at(object, FORCES_N.len(), STRONG_FORCE_N, seed)));
         let all = pushes.len() as u64;
         let wanted = trials.unwrap_or(all).min(all);
-        // Spread, so that few trials still cover all objects, forces and kinds.
+        // Spread, so that a few trials cover all objects, forces and kinds.
         let mut places: Vec<u64> = (0..wanted).map(|k| k * SPREAD % all).collect();
         places.sort_unstable();
         let pushes = places.into_iter().map(|place| pushes[place as usize].clone()).collect();
@@ -224,13 +224,13 @@ const HEAD: [&str; 10] = [
     "AUC",
 ];
 
-/// How many are right.
+/// Share of right verdicts.
 fn right_share(records: &[&TrialRecord]) -> Cell {
     let right = records.iter().filter(|r| Outcome::of(r).is_some_and(Outcome::is_right)).count() as u64;
     Cell::Share(share(right, records.len() as u64))
 }
 
-/// A row over some records; None for none.
+/// A row over some records; None without records.
 fn row(name: Cell, records: &[&TrialRecord]) -> Option<Vec<Cell>> {
     let all = records.len() as u64;
     if all == 0 {
@@ -333,7 +333,7 @@ mod tests {
         );
         assert_eq!(tables[0].rows.last().map(|row| row[2].clone()), Some(Cell::plain(86.25, 240, 2)));
         assert!(matches!(&row[9], Cell::Number(area, _) if area.value == Some(2.0 / 3.0)), "{:?}", row[9]);
-        // A fifth, of which nobody can say what it should have been.
+        // A fifth with an unknown truth.
         let never = TrialRecord { truth: None, ..record(4, Outcome::InTime, 2.0) };
         let never = never.with("outcome", None::<&str>).with("reaches_gross", false);
         let with_fifth = Table1::new(0, Some(5)).tables(&[&records[..], &[never]].concat());

@@ -1,4 +1,4 @@
-//! Ramps under physics that nothing was tuned to, and with a force and a stiffness told wrong.
+//! Ramps under physics that nothing was tuned to, and with wrong values of grip force and stiffness.
 
 use super::error::EvalError;
 use super::outcome::stream;
@@ -12,13 +12,13 @@ use crate::contact::{Friction, Law};
 use crate::layer::{Creep, Gel, SoftObject};
 use crate::rivals::Entry;
 
-/// Trials unless others are asked for: 50 of each variant.
+/// Default number of trials: 50 of each variant.
 const TRIALS_COUNT: u64 = 650;
 
-/// Largest grip where the camera sees less than the pad, N.
+/// Largest grip if the camera sees less than the pad, N.
 const MINI_MOST_N: f64 = 30.0;
 
-/// What is unlike the standard: its name and what is changed for a friction coefficient.
+/// A deviation from the standard: its name and the change for a friction coefficient.
 #[derive(Debug, Clone, Copy)]
 struct Variant {
     name: &'static str,
@@ -31,7 +31,8 @@ struct Variant {
 
 const PLAIN: Variant = Variant { name: "", change: |_, _| (), also: "", has_mu: true };
 
-/// All of them. Numbers of creep, weakening and adhesion are estimates at the far end of what docs/simulator.md names.
+/// All variants. Values of creep, weakening and adhesion are estimates at the far end of the ranges in
+/// docs/simulator.md.
 const VARIANTS: [Variant; 13] = [
     Variant {
         name: "creep",
@@ -112,7 +113,7 @@ impl Unseen {
     fn watch_of(&self, number: u64) -> Result<(&'static Variant, Watch), EvalError> {
         let variants_count = VARIANTS.len() as u64;
         let variant = &VARIANTS[(number % variants_count) as usize];
-        // A variant goes through the objects in turn, with draws of its own.
+        // A variant cycles through the objects, with its own draws.
         let seed = stream(self.seed, 2 << 32 | (number % variants_count)).next_u64();
         let mut drawn: Draw = draw(seed, number / variants_count);
         if variant.also.contains("mini") {

@@ -1,4 +1,4 @@
-//! A simulated trial seen by every detector: one pass over its frames, which cost the most.
+//! A simulated trial seen by every detector: one pass over its frames, which are the main cost.
 //!
 //! ```text
 //!   World --frame--> monitors (with force, without, the paper's) --> detectors --> Watched: per frame, per detector
@@ -15,18 +15,18 @@ use slipbound::monitor::{EstimateTrees, RestBuilder, RestKind, Settings, SlipMon
 use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next};
 use slipbound::sensor::{Sensor, Shear};
 
-/// Frames in which `gross` should have been said. Until then no trial ends because its object has slid away.
+/// Frames within which `gross` should be reported. Until then no trial ends because its object has slid away.
 pub(super) const GROSS_WITHIN_FRAMES: u64 = 2;
 
-/// How a gripper tells its force: late, with noise, in steps.
+/// Model of a gripper's force reading: delayed, noisy, quantised.
 ///
-/// One frame late, as over a 30 Hz link; noise of up to 0.6 N to either side, in steps of 0.1 N: estimates of what
-/// a force-controlled gripper of 80 N reads.
+/// One frame late, as over a 30 Hz link; noise of up to 0.6 N to either side, in steps of 0.1 N: estimates for the
+/// readings of a force-controlled gripper of 80 N.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// What the true force is multiplied with.
+    /// Factor on the true force.
     pub scale: f64,
-    /// What is added to it, N.
+    /// Offset, N.
     pub offset_n: f64,
     /// Largest noise to either side, N, drawn anew for every frame.
     pub noise_n: f64,
@@ -42,47 +42,47 @@ impl Default for Reading {
 const READING_STEP_N: f64 = 0.1;
 
 impl Reading {
-    /// What it tells of a force; never below 0.
+    /// The reading of a force; never below 0.
     pub(crate) fn of(&self, force_n: f64, random: &mut Random) -> GripSample {
         let read_n = self.scale * force_n + self.offset_n + random.between(-self.noise_n, self.noise_n);
         GripSample { force_n: ((read_n / READING_STEP_N).round() * READING_STEP_N).max(0.0) }
     }
 }
 
-/// Who counts from the frame before the load, as the paper takes its reference once the object is held.
+/// Which detectors restart at the frame before the load, as the paper takes its reference once the object is held.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Restarts {
     /// Every detector.
     All,
-    /// Every detector but ours, which has to know by itself.
+    /// Every detector but ours, which has to find the load by itself.
     Rivals,
 }
 
-/// What is watched.
+/// A trial and its variations.
 #[derive(Debug, Clone)]
 pub struct Watch {
-    /// What happens.
+    /// The trial.
     pub trial: Trial,
-    /// The course of things where it is not the scene's.
+    /// Load profile, if it is not the scene's.
     pub profile: Option<LoadProfile>,
-    /// What gel and interface are made of.
+    /// Materials of gel and interface.
     pub physics: Physics,
-    /// How the gripper tells its force.
+    /// The gripper's force reading.
     pub reading: Reading,
-    /// What the method takes for the gel's shear stiffness, over the true one.
+    /// The gel's shear stiffness that the method assumes, over the true one.
     pub stiffness_scale: f64,
-    /// Who counts from the frame before the load.
+    /// Which detectors restart at the frame before the load.
     pub restarts: Restarts,
-    /// Frames of the world after which it stands still, by number, and for how many frames.
+    /// Numbers of the world frames after which it stands still, and for how many frames.
     pub stills: Vec<(u64, u64)>,
     /// Trees of used fraction and stick ratio in place of the shipped ones.
     pub estimate_by: Option<EstimateTrees>,
-    /// How many frames after gross slip it ends; None for as long as the scene.
+    /// Number of frames after gross slip at which the trial ends; None for the whole scene.
     pub frames_after_gross: Option<u64>,
 }
 
 impl Watch {
-    /// A scene as it is, truthfully told.
+    /// A scene without variations.
     pub fn new(trial: Trial, restarts: Restarts) -> Self {
         Watch {
             trial,
@@ -104,7 +104,7 @@ impl Watch {
     }
 }
 
-/// A frame as a detector saw it.
+/// Results of a detector on a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Seen {
     /// Its score.
@@ -113,16 +113,16 @@ pub struct Seen {
     pub alarms: bool,
     /// The state of its monitor.
     pub state: SlipState,
-    /// What its monitor said besides.
+    /// Other estimates of its monitor.
     pub said: Said,
 }
 
-/// What became of a trial.
+/// Results of a trial.
 #[derive(Debug, Clone, Default)]
 pub struct Watched {
-    /// What is true of every frame from the first touch on.
+    /// Ground truth of every frame from the first touch on.
     pub facts: Vec<Facts>,
-    /// Gross slip; None when it never came.
+    /// Gross slip; None if it never occurred.
     pub gross: Option<Gross>,
     /// Number of the first frame under load: the first after the grip has settled.
     pub load_from_frame: u64,
@@ -130,7 +130,7 @@ pub struct Watched {
     pub seen: Vec<(&'static Entry, Vec<Seen>)>,
 }
 
-/// Looks at every frame beside the detectors: for pictures.
+/// A callback that sees every frame with its report, for images.
 pub type Onlooker<'a> = dyn FnMut(&FrameBuffer, &SlipReport, &SlipMonitor) + 'a;
 
 /// A monitor and the detectors that read it.
@@ -153,8 +153,8 @@ impl Desk {
     }
 
     fn restart(&mut self, frame: u64, restarts: Restarts) {
-        // A monitor that ours may share goes on in any case: what a rival sees must not depend on who else is asked. Rivals keep references of
-        // their own; the paper as it is written has a monitor to itself.
+        // The monitor of ours, which other detectors may share, always continues: the inputs of a rival must not depend
+        // on the other detectors. Rivals keep their own references; the paper as written has its own monitor.
         if restarts == Restarts::All || self.inputs == Inputs::PaperFrames {
             self.monitor.rebase(frame);
         }
@@ -166,14 +166,14 @@ impl Desk {
     }
 }
 
-/// The finger as the method is told it: with its shear stiffness, right or wrong by a factor.
+/// The finger as configured for the method: its shear stiffness is scaled.
 fn told_sensor(world: &World, scale: f64) -> Sensor {
     let sensor = world.sensor();
     let told = |shear: Shear| Shear { stiffness_n_per_pitch: scale * shear.stiffness_n_per_pitch, ..shear };
     Sensor { shear: sensor.shear.map(told), ..sensor }
 }
 
-/// Runs a trial under the eyes of some detectors. `onlooker`: the detector whose monitor it looks at, and what looks.
+/// Runs a trial with some detectors. `onlooker`: a detector, and the callback that sees its monitor.
 pub fn watch(
     watch: &Watch,
     entries: &[&'static Entry],
@@ -237,7 +237,7 @@ pub fn watch(
     Ok(watched)
 }
 
-/// Monitors for what the detectors need, from the frames at rest.
+/// Monitors for the inputs of the detectors, from the frames at rest.
 fn desks(
     world: &mut World,
     sensor: &Sensor,
@@ -248,7 +248,7 @@ fn desks(
     inputs.sort();
     inputs.dedup();
     let mut frame = FrameBuffer::default();
-    // Inputs that differ in the force alone have one rest.
+    // Inputs that differ only in the force share one rest frame.
     let mut rests: Vec<(Settings, RestBuilder)> = Vec::new();
     for _ in 0..rest_frames {
         world.next(&mut frame)?;
@@ -271,7 +271,7 @@ fn desks(
         let monitor = SlipMonitor::new(sensor, &settings, rest.build(RestKind::Unloaded)?)?;
         monitors.push((settings, monitor));
     }
-    // Without a frame at rest there is no monitor, and nobody to see what follows.
+    // Without a rest frame there is no monitor, and no detector runs.
     let desk = |inputs: Inputs| {
         let settings = inputs.settings();
         let (_, monitor) = monitors.iter().find(|(known, _)| *known == settings)?;
@@ -302,7 +302,8 @@ mod tests {
         assert_eq!(Reading { offset_n: -1.0, noise_n: 0.0, scale: 1.0 }.of(0.0, &mut random).force_n, 0.0);
     }
 
-    /// A sponge that is turned spins away within a frame; whether that is told within two can be seen all the same.
+    /// A sponge that is turned spins away within a frame; the trial still lasts long enough to judge the two-frame
+    /// limit.
     #[test]
     fn no_trial_ends_before_gross_slip_could_be_told_in_time() {
         let scene = "ramp?object=scrub_sponge&force_n=20&mu=0.9&ramp_s=0.3&twist_fraction=1&grid=fast&seed=4";
@@ -317,7 +318,7 @@ mod tests {
         );
     }
 
-    /// Also what a guest is told, who may read displacements from the monitor's reference.
+    /// Also holds for a guest, which may read displacements from the monitor's reference.
     #[test]
     fn a_rival_is_told_the_same_whoever_else_is_asked() {
         let trial =

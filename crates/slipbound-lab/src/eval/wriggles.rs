@@ -1,11 +1,12 @@
-//! Protocol `wriggles`: grasps that are lifted and shaken, seen by both fingers; did the object slip out?
+//! Protocol `wriggles`: grasps that are lifted and shaken, recorded by both fingers; did the object slip out?
 //!
 //! ```text
 //!   contact begins ---0.5 s---|<---- window: as long as the shortest clip leaves ---->|......  the rest does not count
 //!                                highest causal score of both fingers
 //! ```
 //!
-//! The length of a clip tells its label (whoever loses the object stops recording), so every clip is seen for the same time.
+//! The length of a clip reveals its label (recording stops when the object is lost), so every clip is scored over the
+//! same time.
 
 use super::clips::{Clips, RestFrom, Seen, judged, object_of_name, other};
 use super::error::EvalError;
@@ -24,7 +25,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Frames of contact before the window: 0.5 s at the rate that the headers of the recordings state, 25 Hz.
 const AFTER_CONTACT_FRAMES: u64 = 13;
 
-/// Frames in a row with contact that begin it.
+/// Number of consecutive frames with contact that begin it.
 const CONTACT_FRAMES_COUNT: usize = 4;
 
 /// The protocol `wriggles`.
@@ -32,16 +33,17 @@ const CONTACT_FRAMES_COUNT: usize = 4;
 pub struct Wriggles {
     clips: Clips,
     sensor: Sensor,
-    /// What was seen of every grasp, by finger and detector; seen at once, for the window is that of the shortest.
+    /// Results on every grasp, by finger and detector; computed together, because the shortest clip determines the
+    /// window.
     seen: OnceLock<Result<Vec<Grasp>, String>>,
 }
 
-/// What the detectors saw of a grasp.
+/// Results of the detectors on a grasp.
 #[derive(Debug)]
 struct Grasp {
     /// By finger, then by detector.
     fingers: Vec<Vec<Vec<Seen>>>,
-    /// Place of the first frame of the window; None where nothing was ever touched.
+    /// Index of the first frame of the window; None without contact.
     from: Option<usize>,
     /// Frames from there to the end.
     left_count: usize,
@@ -86,7 +88,7 @@ impl Wriggles {
     }
 }
 
-/// Shows both fingers' recordings of a grasp to the detectors.
+/// Runs the detectors on both fingers' recordings of a grasp.
 fn grasp(clips: &Clips, folder: &Path, sensor: &Sensor, detectors: &[&'static Entry]) -> Result<Grasp, EvalError> {
     let boxed = |error: std::io::Error| other(error);
     let mut videos = Vec::new();
@@ -107,13 +109,13 @@ fn grasp(clips: &Clips, folder: &Path, sensor: &Sensor, detectors: &[&'static En
     Ok(Grasp { fingers, from, left_count: from.map_or(0, |from| length.saturating_sub(from)) })
 }
 
-/// Place of the first of several frames in a row with contact, by the first detector that has seen anything.
+/// Index of the first of several consecutive frames with contact, from the first detector with results.
 fn contact(finger: &[Vec<Seen>]) -> Option<usize> {
     let frames = finger.iter().find(|frames| !frames.is_empty())?;
     frames.windows(CONTACT_FRAMES_COUNT).position(|some| some.iter().all(|frame| frame.touches))
 }
 
-/// Length of the window: what the shortest clip leaves, of those in which anything is touched.
+/// Length of the window: the frames left in the shortest clip, among those with contact.
 fn window_count(grasps: &[Grasp]) -> usize {
     grasps.iter().filter(|grasp| grasp.from.is_some()).map(|grasp| grasp.left_count).min().unwrap_or(0)
 }

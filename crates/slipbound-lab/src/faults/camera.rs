@@ -1,4 +1,4 @@
-//! Faults of a camera from a time on, in the middle of a task: to show that the object stays held.
+//! Camera faults that begin at a given time during a task: to show that the object stays held.
 
 use super::picture::{copy_picture, encode_again};
 use slipbound::hand::Side;
@@ -11,7 +11,7 @@ use std::str::FromStr;
 pub enum CameraFaultKind {
     /// Frames stop coming.
     Lost,
-    /// The same picture comes again and again.
+    /// The same image is repeated.
     Frozen,
     /// Every frame is torn.
     Torn,
@@ -35,8 +35,8 @@ const LATEST_S: f64 = 3600.0;
 /// Grey level of every pixel when the light is out.
 const DARK_LEVEL: u8 = 2;
 
-/// A fault of the cameras: its kind, when it begins, which finger it affects: `frozen@3`, `lost@2.5:left`. Without a time it begins at the
-/// start, without a side it affects both fingers.
+/// A fault of the cameras: kind, start time, affected finger: `frozen@3`, `lost@2.5:left`. Without a time it begins at
+/// the start, without a side it affects both fingers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraFault {
     kind: CameraFaultKind,
@@ -50,7 +50,7 @@ impl CameraFault {
         self.kind
     }
 
-    /// Whether left and right are exchanged. The pictures are unchanged then; the caller exchanges the mountings.
+    /// Whether left and right are exchanged. The images are then unchanged; the caller exchanges the mountings.
     pub fn swaps_fingers(&self) -> bool {
         self.kind == CameraFaultKind::Swapped
     }
@@ -96,17 +96,17 @@ impl fmt::Display for CameraFault {
     }
 }
 
-/// A camera that fails at a given time and stays so.
+/// A camera that fails at a given time and does not recover.
 #[derive(Debug)]
 pub struct CameraFaults<S> {
     source: S,
     fault: Option<CameraFault>,
-    /// The picture that a frozen camera repeats; None before the first.
+    /// The image that a frozen camera repeats; None before the first image.
     last: Option<FrameBuffer>,
 }
 
 impl<S: FrameSource> CameraFaults<S> {
-    /// The source with a fault; as the source is where there is none.
+    /// The source with a fault; unchanged without a fault.
     pub fn new(source: S, fault: Option<CameraFault>) -> Self {
         CameraFaults { source, fault, last: None }
     }
@@ -118,7 +118,7 @@ impl<S: FrameSource> FrameSource for CameraFaults<S> {
         let Some(fault) = self.fault.filter(|_| next == Next::Frame) else { return Ok(next) };
         let has_begun = into.time_ns.unwrap_or(0) >= fault.from_ns;
         match fault.kind {
-            // Kept before the fault begins; a camera that is frozen from the start repeats its first picture.
+            // Stored before the fault begins; a camera that is frozen from the start repeats its first image.
             CameraFaultKind::Frozen => match &mut self.last {
                 Some(last) if has_begun => copy_picture(last, into),
                 Some(last) => copy_picture(into, last),

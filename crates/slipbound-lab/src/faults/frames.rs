@@ -1,5 +1,5 @@
-//! Faults of single frames, at random. The faults of a frame are drawn from the seed and its number alone, so they do not
-//! depend on when it is read.
+//! Random faults of single frames. The faults of a frame are drawn from the seed and the frame number alone, so they do
+//! not depend on when it is read.
 
 use super::paint::{blur_rows, hide_spots, multiply};
 use super::picture::{copy_picture, encode_again};
@@ -12,21 +12,21 @@ use slipbound::setting::SettingError;
 /// How often each fault occurs. `Faults::default()` is none at all.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Faults {
-    /// Share of frames that never come. Their numbers are left out.
+    /// Share of frames that never arrive. Their numbers are skipped.
     pub drop_fraction: f64,
-    /// Share of frames that come late: the source is silent one to three times before.
+    /// Share of frames that arrive late: the source is first silent one to three times.
     pub late_fraction: f64,
-    /// Share of frames that show the picture of the frame before, under their own number and time.
+    /// Share of frames with the image of the previous frame, under their own number and time.
     pub stale_fraction: f64,
     /// Share of frames that are cut off in the middle.
     pub torn_fraction: f64,
     /// Share of frames that are blurred along the rows, over 9 px.
     pub blur_fraction: f64,
-    /// Spots of 20 px, at places drawn once, where the picture is painted over: a marker there is dead.
+    /// Number of spots of 20 px, at fixed random positions, where the image is painted over: a marker there is dead.
     pub dead_count: u32,
-    /// Growth of the exposure per minute as a share, negative when it fades.
+    /// Relative change of the exposure per minute; negative when it fades.
     pub drift_per_min: f64,
-    /// Amplitude, as a share, of light that flickers at 100 Hz.
+    /// Relative amplitude of light that flickers at 100 Hz.
     pub flicker_fraction: f64,
 }
 
@@ -45,7 +45,7 @@ const NAMES: [(&str, f64, f64); 8] = [
 const FLICKER_HZ: f64 = 100.0;
 const BLUR_PX: usize = 9;
 const DEAD_PX: usize = 20;
-/// Frame rate taken for drift and flicker where frames have no time.
+/// Frame rate assumed for drift and flicker if frames have no time.
 const ASSUMED_HZ: f64 = 30.0;
 
 impl Faults {
@@ -95,7 +95,7 @@ pub struct Faulty<S> {
     silent_count: u32,
     /// A late frame, delivered after the silence.
     waiting: Option<(FrameBuffer, Next)>,
-    /// The picture of the frame before, as it was delivered.
+    /// The image of the previous frame, as delivered.
     before: Option<FrameBuffer>,
 }
 

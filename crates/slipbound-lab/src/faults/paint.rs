@@ -1,4 +1,4 @@
-//! What faults do to pixels.
+//! Pixel operations of the faults.
 
 use slipbound::image::SizePx;
 use slipbound::port::PixelFormat;
@@ -14,8 +14,8 @@ pub(super) fn multiply(bytes: &mut [u8], gain: f64) {
     }
 }
 
-/// Every pixel becomes the mean of `over_px` pixels of its row about it, an odd number; at the ends of those there
-/// are.
+/// Every pixel becomes the mean of `over_px` pixels of its row around it, an odd number; near the ends, of the existing
+/// ones.
 pub(super) fn blur_rows(bytes: &mut [u8], row_bytes: usize, channels: usize, over_px: usize) {
     let half = over_px / 2;
     let width = row_bytes / channels;
@@ -34,7 +34,7 @@ pub(super) fn blur_rows(bytes: &mut [u8], row_bytes: usize, channels: usize, ove
     }
 }
 
-/// Paints squares (left, top, side in px) over with the mean colour of their border.
+/// Paints squares (left, top, side in px) with the mean colour of their border.
 pub(super) fn hide_spots(bytes: &mut [u8], size: SizePx, format: PixelFormat, spots: &[[usize; 3]]) {
     let channels = format.bytes_per_pixel();
     for &[left, top, side] in spots {

@@ -1,4 +1,4 @@
-//! The picture of a frame as a whole: its pixels and its encoded form, kept in step.
+//! The image of a frame: its pixels and its encoded form, kept consistent.
 
 use crate::jpeg::Codec;
 use slipbound::port::{FrameBuffer, PixelFormat, SourceError};
@@ -6,8 +6,8 @@ use slipbound::port::{FrameBuffer, PixelFormat, SourceError};
 /// Quality at which a changed frame is encoded again.
 const JPEG_QUALITY: u8 = 90;
 
-/// Encodes changed pixels and decodes them again, so that what is recorded is what is seen. Grey frames lose their
-/// encoded form.
+/// Encodes changed pixels and decodes them again, so that the recording equals what the method sees. Grey frames lose
+/// their encoded form.
 pub(super) fn encode_again(frame: &mut FrameBuffer) -> Result<(), SourceError> {
     if frame.format != PixelFormat::Rgb {
         frame.encoded.clear();
@@ -18,7 +18,7 @@ pub(super) fn encode_again(frame: &mut FrameBuffer) -> Result<(), SourceError> {
     codec.decode(frame)
 }
 
-/// The picture of one frame under the number and time of another of the same size.
+/// Copies the image of a frame to another of the same size, which keeps its number and time.
 pub(super) fn copy_picture(from: &FrameBuffer, to: &mut FrameBuffer) {
     to.encoded.clone_from(&from.encoded);
     to.pixels.clone_from(&from.pixels);

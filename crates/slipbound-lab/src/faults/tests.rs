@@ -5,7 +5,7 @@ use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, PixelFormat, Source
 
 const SIZE: SizePx = SizePx::new(64, 48);
 
-/// Frames of one grey, the level being the number of the frame plus 50, with a bright stripe in the middle.
+/// Grey frames, with the frame number plus 50 as level and a bright stripe in the middle.
 struct Plain {
     next: u64,
     count: u64,
@@ -30,7 +30,7 @@ impl FrameSource for Plain {
     }
 }
 
-/// What comes of 400 frames.
+/// Results of 400 frames.
 #[derive(Debug, Default, PartialEq)]
 struct Seen {
     seqs: Vec<u64>,
@@ -133,7 +133,7 @@ fn camera_faults_are_text_and_read_back() {
     }
 }
 
-/// The first 90 frames, 3 s, through a camera fault: what came, then number and pixels of the last frame's buffer.
+/// The first 90 frames, 3 s, through a camera fault: the results, then number and pixels of the last frame's buffer.
 fn through(fault: Option<&str>) -> Vec<(Next, FrameBuffer)> {
     let fault = fault.map(|text| text.parse().expect("a sound fault"));
     let mut source = CameraFaults::new(Plain { next: 0, count: 90 }, fault);

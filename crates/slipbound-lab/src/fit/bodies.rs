@@ -1,18 +1,19 @@
-//! Bodies of no name for the training split: what trees have seen only eleven objects of, they take every other one for one of those.
+//! Random shapes for the training split: trees fitted only to the eleven objects take every other object for one of
+//! them.
 
 use crate::layer::SoftObject;
 use crate::objects::{Form, OBJECTS, Object, Relief};
 use crate::random::Random;
 
-/// What rows of bodies of no name call them all.
+/// Object name in the rows of all random shapes.
 pub const BODY: &str = "random_body";
 
-/// Of so many the surface is smooth, and so many do not give.
+/// Share of shapes with a smooth surface, and of rigid ones.
 const SMOOTH_FRACTION: f64 = 0.5;
 const RIGID_FRACTION: f64 = 0.4;
 
-/// A body by chance: a ball, a cylinder or a flat face, smooth or cut, rigid or soft. Sizes are such that most fit on the
-/// pad; moduli reach from a foam (0.05 MPa) to a wall of rubber (2 MPa).
+/// A random shape: a ball, a cylinder or a flat face, smooth or with relief, rigid or soft. Sizes are such that most
+/// fit on the pad; moduli range from a foam (0.05 MPa) to a wall of rubber (2 MPa).
 pub(super) fn random_body(random: &mut Random) -> Object {
     let log = |random: &mut Random, low: f64, high: f64| low * libm::pow(high / low, random.fraction());
     let edge_radius_mm = random.between(0.5, 2.0);

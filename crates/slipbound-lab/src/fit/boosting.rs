@@ -1,34 +1,34 @@
-//! Gradient boosting of full regression trees with some outputs, splits between quantiles.
+//! Gradient boosting of full regression trees with several outputs, splits between quantiles.
 
 use super::row::Row;
 use std::fmt::Write;
 
-/// Splits tried of a feature, at most.
+/// Most splits tried per feature.
 const BINS: usize = 64;
 
-/// What is made small.
+/// The loss that is minimised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Loss {
     /// The squared error.
     Squares,
-    /// The logarithmic loss of 0 or 1; the ensemble says log-odds.
+    /// The logarithmic loss of 0 or 1; the ensemble predicts log-odds.
     Logistic,
 }
 
 /// How an ensemble is fitted.
 #[derive(Debug, Clone, Copy)]
 pub struct Fitting {
-    /// What is made small.
+    /// The loss that is minimised.
     pub loss: Loss,
     /// Number of trees.
     pub trees_count: usize,
     /// Splits from the root of a tree to a leaf.
     pub depth: u32,
-    /// Share of what a leaf would say that it says.
+    /// Share of a leaf's optimal value that is used.
     pub shrinkage: f64,
     /// Least weight of the rows in a leaf; with logistic loss times p (1 - p).
     pub least_rows: f64,
-    /// Weight of imagined rows with no residual in every leaf.
+    /// Weight of virtual rows without residual in every leaf.
     pub ridge: f64,
 }
 
@@ -39,14 +39,14 @@ struct Tree<const N: usize> {
     leaves: Vec<[f32; N]>,
 }
 
-/// Trees whose leaves add up.
+/// Trees whose leaves are summed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ensemble<const N: usize> {
     base: [f32; N],
     trees: Vec<Tree<N>>,
 }
 
-/// Weight and weighted residuals of some rows.
+/// Sums of the weights and of the weighted residuals of some rows.
 #[derive(Debug, Clone, Copy)]
 struct Sums<const N: usize> {
     weight: f64,
@@ -68,7 +68,7 @@ impl<const N: usize> Sums<N> {
         }
     }
 
-    /// By how much a leaf of these rows lowers the squared error.
+    /// Reduction of the squared error by a leaf of these rows.
     fn gain(&self, ridge: f64) -> f64 {
         self.residuals.iter().map(|r| r * r).sum::<f64>() / (self.weight + ridge)
     }
@@ -110,7 +110,7 @@ impl<const N: usize> Ensemble<N> {
         Ensemble { base, trees }
     }
 
-    /// What it says of these features.
+    /// The prediction for these features.
     pub fn at(&self, features: &[f64]) -> [f64; N] {
         let mut sum = self.base.map(f64::from);
         for tree in &self.trees {
@@ -123,7 +123,7 @@ impl<const N: usize> Ensemble<N> {
         sum
     }
 
-    /// As `slipbound` reads it.
+    /// In the format that `slipbound` reads.
     pub fn written(&self, name: &str) -> String {
         let base: Vec<String> = self.base.iter().map(f32::to_string).collect();
         let mut text = format!("ensemble {name} {}\n", base.join(" "));
@@ -139,7 +139,7 @@ impl<const N: usize> Ensemble<N> {
     }
 }
 
-/// Where a feature may be split: between quantiles, at numbers of few digits.
+/// Candidate splits of a feature: between quantiles, at numbers of few digits.
 fn edges(rows: &[Row], feature: usize) -> Vec<f32> {
     let mut values: Vec<f64> = rows.iter().map(|row| row.features[feature]).collect();
     values.sort_unstable_by(f64::total_cmp);
@@ -151,7 +151,7 @@ fn edges(rows: &[Row], feature: usize) -> Vec<f32> {
     edges
 }
 
-/// What a row adds to a node: the gradient of its loss and, as its weight, the curvature.
+/// Contribution of a row to a node: the gradient of its loss and, as its weight, the curvature.
 fn residual<const N: usize>(weight: f64, targets: [f64; N], said: &[f64; N], loss: Loss) -> Sums<N> {
     match loss {
         Loss::Squares => Sums { weight, residuals: std::array::from_fn(|n| weight * (targets[n] - said[n])) },
@@ -210,7 +210,7 @@ fn grow<const N: usize>(
     tree
 }
 
-/// The split of a node that lowers the squared error most; none is one that no row passes.
+/// The split of a node that reduces the squared error most. Without a useful split: a threshold that no row passes.
 fn best_split<'a, const N: usize>(
     of: impl Fn(usize) -> &'a [Sums<N>],
     edges: &[Vec<f32>],
@@ -275,7 +275,7 @@ mod tests {
     fn odds_are_learned_where_only_ones_and_zeros_are_seen() {
         let how =
             Fitting { loss: Loss::Logistic, trees_count: 60, depth: 3, shrinkage: 0.3, least_rows: 2.0, ridge: 0.5 };
-        // A quarter of those above one half are 1, none below.
+        // Above one half a quarter are 1, below none.
         let rows: Vec<Row> = (0..4000)
             .map(|n| {
                 let above = n % 2 == 1;

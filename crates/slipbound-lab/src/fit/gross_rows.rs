@@ -1,4 +1,5 @@
-//! Rows for the verdict on gross slip: the training split's trials and guided slides, seen with and without the grip force.
+//! Rows for the gross slip verdict: the training split's trials and guided slides, seen with and without the grip
+//! force.
 
 use super::row::Row;
 use super::split::{TRAINING_SEED, body_of, gross_later, monitor_at_rest, reading, training_trial};
@@ -11,33 +12,34 @@ use crate::world::World;
 use slipbound::monitor::SlideFeatures;
 use slipbound::port::{FrameBuffer, FrameSource, Next};
 
-/// The first trial of the split: those below it taught the estimates, which are features here, and would look better than they are.
+/// The first trial of the split. The estimates, which are features here, were fitted to the trials below it and would
+/// look too accurate on them.
 const FIRST_TRIAL: u64 = 2000;
 
-/// Rows of numbers from here on hold a body of no name in place of the object.
+/// Rows from this number on have a random shape instead of the object.
 const BODIES_FROM: u64 = 2000;
 
-/// Every fifth is a guided slide.
+/// Every fifth trial is a guided slide.
 const SLIDES_EVERY: u64 = 5;
 
-/// One of so many is an episode in which nothing slides, however it is gripped, rolled, pressed and shaken; other episodes than those that
-/// taught the estimates.
+/// One in so many is an episode in which nothing slides despite gripping, rolling, pressing and shaking; other episodes
+/// than those for the fit of the estimates.
 const QUIET_EVERY: u64 = 40;
-/// Which one of them: none of the slides.
+/// Remainder that selects them; none of the slides.
 const QUIET_AT: u64 = 21;
-/// Of such an episode every so many frames count.
+/// Of such an episode one in so many frames counts.
 const QUIET_STRIDE: usize = 2;
 
-/// A frame between this load fraction and gross slip teaches nothing: either word is right.
+/// A frame between this load fraction and gross slip is no training row: either verdict is right.
 const EITHER_FROM_FRACTION: f64 = 0.8;
 
-/// Once it has slid, a frame of which more sticks does not slide; below, either word is right.
+/// After sliding began, a frame with a larger stick ratio does not slide; below it either verdict is right.
 const STICKS_AGAIN: f64 = 0.3;
 
-/// An object that moves less than this in a frame stands, mm at the rim.
+/// An object that moves less than this per frame stands still, mm at the rim.
 const STANDS_MM: f64 = 0.002;
 
-/// What is seen of a frame, with the grip force and without it, and what is true of it.
+/// Features of a frame, with the grip force and without it, and its ground truth.
 struct Seen {
     features: [Option<SlideFeatures>; 2],
     facts: Facts,
@@ -68,7 +70,7 @@ fn watched_with_name(number: u64) -> Option<Watch> {
     Some(Watch::new(trial, Restarts::Rivals))
 }
 
-/// The rows of a trial with the grip force, then those without; none for one whose object does not fit on the pad.
+/// The rows of a trial with the grip force, then those without; none if the object does not fit on the pad.
 pub fn gross_rows_of(number: u64) -> Result<[Vec<Row>; 2], EvalError> {
     let Some(watch) = watched(number) else { return Ok(Default::default()) };
     let trial = &watch.trial;
@@ -115,7 +117,7 @@ pub fn gross_rows_of(number: u64) -> Result<[Vec<Row>; 2], EvalError> {
         }
         let used = match (facts.load, &gross) {
             (None, _) => facts.wrench.force_n.length() / (trial.mu() * facts.grip_n).max(1e-6),
-            // What slides at a grip slides at twice the load at twice the grip.
+            // The load at which an object slides is proportional to the grip.
             (Some(load), Some(gross)) => load / facts.grip_n.max(1e-6) * gross_grip_n? / gross.load,
             (Some(_), None) => return None,
         };

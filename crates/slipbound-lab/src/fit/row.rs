@@ -1,4 +1,4 @@
-//! What a frame of the training split teaches.
+//! A row of training data from a frame.
 
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -10,13 +10,13 @@ use std::path::Path;
 pub struct Row {
     /// Number of the trial in the split.
     pub trial: u64,
-    /// What is held.
+    /// The held object.
     pub object: String,
     /// Weight.
     pub weight: f64,
     /// Friction coefficient.
     pub mu: f64,
-    /// What is true: used fraction f and stick ratio phi; or 1 where it slides as a whole, else 0, and f.
+    /// Targets: used fraction f and stick ratio phi; or 1 if it slides as a whole, else 0, and f.
     pub targets: [f64; 2],
     /// The features: [`slipbound::monitor::Features`] or [`slipbound::monitor::SlideFeatures`].
     pub features: Vec<f64>,
@@ -48,7 +48,7 @@ pub enum RowError {
 }
 
 impl Row {
-    /// A row. Rounded so that a file holds all of it.
+    /// A row, rounded so that a file stores it exactly.
     pub fn new(trial: u64, object: &str, weight: f64, mu: f64, targets: [f64; 2], features: &[f64]) -> Self {
         let round = |value: f64| (value * 1e5).round() / 1e5 + 0.0;
         let features = features.iter().copied().map(round).collect();
@@ -56,7 +56,7 @@ impl Row {
     }
 }
 
-/// Reads rows of so many features, a JSON object a line.
+/// Reads rows with this number of features, a JSON object a line.
 pub fn read_rows(path: &Path, features_count: usize) -> Result<Vec<Row>, RowError> {
     let name = path.display().to_string();
     let text = fs::read_to_string(path).map_err(|source| RowError::File { path: name.clone(), source })?;

@@ -16,33 +16,34 @@ use slipbound::setting::SettingError;
 /// The seed of the split; tables of results use seeds below it.
 pub const TRAINING_SEED: u64 = 1_000_000;
 
-/// Frames of a trial that is no ramp count for less: many of them look alike.
+/// Weight of frames of trials that are not ramps: many of them look alike.
 const QUIET_WEIGHT: f64 = 0.5;
 
-/// Most noise of a reading of the grip force, N.
+/// Largest noise of a grip force reading, N.
 const MOST_NOISE_N: f64 = 0.6;
 
-/// Of a thousand trials the last three hundred change the grip under load, at lighter grips too, as a controller does: they keep
-/// a fifth to all of the friction used meanwhile, or the trees would learn what a regrip is followed by.
+/// The last three hundred of a thousand trials change the grip under load, also at lighter grips, as a controller does.
+/// Meanwhile they use a fifth to all of the friction, so that a regrip alone predicts nothing.
 const REGRIP_FROM: u64 = 700;
 
-/// A hundred and fifty before those let go of a firm grip while the load begins to grow, as a controller does that has grasped firmly: what
-/// the larger contact leaves at the rim is no slip.
+/// The hundred and fifty before those reduce a firm grip while the load begins to grow, like a controller after a firm
+/// grasp: what the larger contact leaves at the rim is no slip.
 const LET_GO_FROM: u64 = 550;
 
-/// One of so many is an episode in which nothing slides, however it is gripped, rolled, pressed and shaken: one after the other, as the grip
-/// of a hand that moves; each moment of it, not the stillness in between.
+/// One in so many is an episode in which nothing slides despite gripping, rolling, pressing and shaking: the events in
+/// sequence, as for the grip of a moving hand; every frame of the events, without the pauses.
 const QUIET_EVERY: u64 = 40;
 
-/// Of so many the friction is below 0.4 for sure: little slip is to be seen of what slides at a light load, and half of what is used was told.
+/// Share of trials with friction certainly below 0.4: an object that slides under a light load shows little slip, and
+/// without these trials half of the used fraction is estimated.
 const SLIPPERY_FRACTION: f64 = 0.2;
 
-/// Trials from here on hold a body of no name in place of the object.
+/// Trials from this number on have a random shape instead of the object.
 const BODIES_FROM: u64 = 2400;
-/// What a row of theirs weighs: there are nearly as many of them as of the eleven objects together.
+/// Weight of a row of theirs: there are nearly as many of them as of the eleven objects together.
 const BODY_WEIGHT: f64 = 0.5;
 
-/// A trial of the split: mostly pulls and turns up to gross slip, some below it, some without any load.
+/// A trial of the split: mostly pulls and turns up to gross slip, some below it, some without load.
 pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
     let mut random = Random::of(TRAINING_SEED, number);
     let object = OBJECTS[(random.next_u64() % OBJECTS.len() as u64) as usize].name;
@@ -129,12 +130,12 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
     Trial::parse(&text)
 }
 
-/// The body of no name of a trial.
+/// The random shape of a trial.
 pub(super) fn body_of(number: u64) -> Object {
     random_body(&mut Random::of(TRAINING_SEED + 2, number))
 }
 
-/// Gross slip of a ramp that stops before it, had the load grown on.
+/// Gross slip of a ramp that stops before it, if the load had continued to grow.
 pub(super) fn gross_later(trial: &Trial, physics: &Physics) -> Option<Gross> {
     if trial.scene().name != "ramp" {
         return None;
@@ -161,13 +162,13 @@ pub(super) fn monitor_at_rest(world: &mut World, frame: &mut FrameBuffer) -> Res
     Ok(SlipMonitor::new(&sensor, &settings, rest.build(RestKind::Unloaded)?)?)
 }
 
-/// How a gripper tells its force: late, with noise that differs between grippers.
+/// The gripper's force reading: delayed, with noise that differs between grippers.
 pub(super) fn reading(number: u64) -> (Reading, Random) {
     let mut readings = Random::of(TRAINING_SEED + 1, number);
     (Reading { noise_n: readings.between(0.0, MOST_NOISE_N), ..Reading::default() }, readings)
 }
 
-/// A trial, its world and the physics of it; None for one whose object does not fit on the pad.
+/// A trial, its world and its physics; None if the object does not fit on the pad.
 fn world_of(number: u64) -> Option<(Trial, World, Physics)> {
     if number % QUIET_EVERY != QUIET_EVERY / 2 {
         let trial = training_trial(number).ok()?;
@@ -182,7 +183,7 @@ fn world_of(number: u64) -> Option<(Trial, World, Physics)> {
     Some((watch.trial, world, physics))
 }
 
-/// The rows of a trial; none for one whose object does not fit on the pad.
+/// The rows of a trial; none if the object does not fit on the pad.
 pub fn rows_of(number: u64) -> Result<Vec<Row>, EvalError> {
     let Some((trial, mut world, physics)) = world_of(number) else { return Ok(Vec::new()) };
     let mut frame = FrameBuffer::default();
@@ -197,7 +198,7 @@ pub fn rows_of(number: u64) -> Result<Vec<Row>, EvalError> {
         monitor.step(&frame.frame()?, Some(told));
         told = reading.of(grip_n, &mut readings);
         let (Some(features), Some(stick)) = (monitor.features(), truth.stick_ratio) else { continue };
-        // What slides at a grip slides at twice the load at twice the grip.
+        // The load at which an object slides is proportional to the grip.
         let load_n = truth.load.map(|load| load / grip_n.max(1e-6));
         if world.gross().is_none() || gross_grip_n.is_none() {
             gross_grip_n = Some(grip_n);
@@ -214,7 +215,7 @@ pub fn rows_of(number: u64) -> Result<Vec<Row>, EvalError> {
             _ if load.is_nan() => unloaded,
             Some(gross) if world.gross().is_some() && time_s >= gross.time_s => 1.0,
             Some(gross) => load * gross_grip_n.unwrap_or(f64::NAN) / gross.load,
-            // It never slid: what would have made it slide is not known.
+            // It never slid: the load that would have made it slide is unknown.
             None => return None,
         };
         let of_body = if physics.object.is_some() { BODY_WEIGHT } else { 1.0 };

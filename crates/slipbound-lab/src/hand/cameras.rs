@@ -31,7 +31,7 @@ pub(super) struct Cameras {
     fingers: Vec<FingerCamera>,
     /// Of the left and of the right finger.
     gels: [Gel; 2],
-    /// The frame that the pictures show; None before the first.
+    /// The frame that the images show; None before the first.
     drawn: Option<u64>,
 }
 
@@ -61,7 +61,7 @@ impl Cameras {
         Cameras { fingers: fingers.collect(), gels, drawn: None }
     }
 
-    /// The facts of a finger; those of the last one beyond it.
+    /// The facts of a finger; an index beyond the last finger gives those of the last.
     pub fn sensor(&self, finger: usize) -> Sensor {
         let finger = finger.min(self.fingers.len() - 1);
         let camera = &self.fingers[finger];
@@ -70,7 +70,7 @@ impl Cameras {
         Sensor { shear, ..sensor }
     }
 
-    /// Displacement in the plane of every marker of a finger, in its own frame, in mm.
+    /// In-plane displacement of every marker of a finger, in its own frame, in mm.
     pub fn marker_shifts_mm(&mut self, finger: usize, world: &HandWorld) -> Vec<Vec2> {
         let Some(camera) = self.fingers.get_mut(finger) else { return Vec::new() };
         world.show(finger, &mut camera.displacement, &mut camera.pressure_mpa);
@@ -78,7 +78,7 @@ impl Cameras {
         camera.renderer.markers_at_rest_mm().iter().map(|&rest_mm| surface.displacement_at(rest_mm).shift_mm).collect()
     }
 
-    /// Draws the present frame of all fingers, each on a thread of its own, unless that is done.
+    /// Draws the present frame of all fingers, each on its own thread, unless already drawn.
     pub fn draw(&mut self, frame: u64, world: &HandWorld) {
         if self.drawn == Some(frame) {
             return;
@@ -98,7 +98,7 @@ impl Cameras {
         });
     }
 
-    /// The picture of a finger drawn last, into a recycled buffer.
+    /// The last image of a finger, into a recycled buffer.
     pub fn deliver(&self, finger: usize, into: &mut FrameBuffer) -> Result<(), SourceError> {
         let camera = self.fingers.get(finger).ok_or_else(|| {
             let why = format!("camera: expected finger 0 to {}, got {finger}", self.fingers.len() - 1);

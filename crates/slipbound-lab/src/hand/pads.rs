@@ -1,4 +1,4 @@
-//! The two pads and what is between them: alike, so that one stands for both, or each by itself.
+//! The two pads and the object between them: identical, so that one represents both, or computed separately.
 
 use super::scene::HandScene;
 use crate::contact::{Body, Command, Drive, Finger, FingerPair, FingerSettings, Pose, Truth};
@@ -6,24 +6,24 @@ use crate::plants::{FINGERS_COUNT, Symmetry};
 use crate::world::Sliding;
 use slipbound::setting::SettingError;
 
-/// The contact of both fingers. Both are computed in axes in which they would be the same if they were alike: those of the
-/// left finger.
+/// The contact of both fingers. Both are computed in axes in which they would be equal if both were identical: those of
+/// the left finger.
 #[derive(Debug)]
 pub(super) enum Pads {
-    /// The right pad and its load are those of the left one: one contact is computed.
+    /// The right pad and its load equal those of the left one: one contact is computed.
     Alike(Box<Finger>),
     /// They differ in friction, stiffness or mounting.
     Apart(Box<FingerPair>),
 }
 
 impl Pads {
-    /// The pads of a scene. Refuses what the contact cannot be.
+    /// The pads of a scene. Refuses invalid settings of the contact.
     pub fn new(scene: &HandScene, symmetry: Symmetry) -> Result<Self, SettingError> {
         let (settings, surface) = scene.contact()?;
         Ok(match scene.right_pad() {
             None => Pads::Alike(Box::new(Finger::new(settings, surface)?)),
             Some(right) => {
-                // In its own frame the right finger is the mirror image, and so is a turn.
+                // In its own frame the right finger is the mirror image, so a rotation has the opposite sign.
                 let turn_rad = if symmetry == Symmetry::Mirrored { -right.turn_rad } else { right.turn_rad };
                 let pair = FingerPair::new([settings, right.of(settings)], turn_rad, surface)?;
                 Pads::Apart(Box::new(pair))
@@ -44,7 +44,7 @@ impl Pads {
         self.finger(0).settings()
     }
 
-    /// What is known of them, as of one of two fingers that are alike.
+    /// Ground truth of both, in the form of one of two identical fingers.
     pub fn truth(&self) -> &Truth {
         match self {
             Pads::Alike(both) => both.truth(),
@@ -68,7 +68,7 @@ impl Pads {
         Ok(())
     }
 
-    /// How the object slid over each finger since the object was at `before`, each in its own axes.
+    /// How the object slid over each finger since it was at `before`, each in its own axes.
     pub fn sliding(&self, before: Pose) -> [Option<Sliding>; 2] {
         match self {
             Pads::Alike(both) => [Sliding::since(both, before); 2],
@@ -79,7 +79,7 @@ impl Pads {
         }
     }
 
-    /// By how much the right pad is turned against the left one, in rad.
+    /// Rotation of the right pad relative to the left one, in rad.
     pub fn turn_rad(&self) -> f64 {
         match self {
             Pads::Alike(_) => 0.0,

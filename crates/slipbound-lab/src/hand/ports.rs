@@ -1,4 +1,4 @@
-//! Camera, gripper, wrist and plant of a simulated hand, as ports. Each is a handle on the same hand, and each can be
+//! Camera, gripper, wrist and plant of a simulated hand, as ports. Each is a handle of the same hand, and each can be
 //! moved to a thread.
 
 use super::shared::{HandParts, SharedHand};
@@ -12,7 +12,7 @@ use slipbound::port::{
 #[derive(Debug, Clone)]
 pub struct SimGripper {
     hand: SharedHand,
-    /// Whether something was held since the last time the jaws opened.
+    /// Whether an object was held since the jaws last opened.
     held: bool,
 }
 
@@ -126,8 +126,8 @@ impl Plant for SimPlant {
     }
 }
 
-/// The camera of a finger of a [`SimHand`](super::SimHand): delivers the frame of the present time once, is silent
-/// until time has advanced, and ends after the scene's `longest_s`.
+/// The camera of a finger of a [`SimHand`](super::SimHand): delivers the present frame once, is silent until time has
+/// advanced, and ends after the scene's `longest_s`.
 #[derive(Debug, Clone)]
 pub struct SimCamera {
     hand: SharedHand,

@@ -14,13 +14,15 @@ use slipbound::task::TaskKind;
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 
-/// Largest whole number up to which JSON readers are exact.
+/// Largest integer up to which JSON readers are exact.
 const LARGEST_SEED: u64 = 1 << 53;
 
-/// Thickness of flat objects, in mm, of which only the face is described. Assumed; it is only where the jaws touch.
+/// Thickness of flat objects, in mm, of which only the face is described. Assumed; it only determines where the jaws
+/// touch.
 const FLAT_THICKNESS_MM: f64 = 12.0;
 
-/// Share of the torque with which a cap was closed at 60 N that opens it again. Tables of closures have 0.4 to 0.6.
+/// Opening torque of a cap as a share of the torque with which it was closed at 60 N. Tables of closures list 0.4 to
+/// 0.6.
 const BREAK_FRACTION: f64 = 0.5;
 
 /// The force at which a cap was closed, in N.
@@ -31,9 +33,9 @@ const CLOSED_AT_N: f64 = 60.0;
 pub struct HandKey {
     /// Name, meaning, range, default.
     pub key: Key,
-    /// A word it can be instead of a number.
+    /// A word that is allowed instead of a number.
     pub or_word: Option<&'static str>,
-    /// The tasks that take it; none is all.
+    /// The tasks that use it; an empty list means all.
     pub tasks: &'static [TaskKind],
 }
 
@@ -45,14 +47,14 @@ const fn key(name: &'static str, kind: Kind, default: &'static str, what: &'stat
     HandKey { key: Key { name, what, kind, default }, or_word: None, tasks: &[] }
 }
 
-/// The word of a number that is drawn from the seed.
+/// The word for a number that is drawn from the seed.
 const SEED: &str = "seed";
 
 const fn drawn(key: Key) -> HandKey {
     HandKey { key, or_word: Some(SEED), tasks: LIFT }
 }
 
-/// The word of a property of the right pad that is that of the left one.
+/// The word for a property of the right pad that equals that of the left one.
 const SAME: &str = "same";
 
 const fn same(key: Key) -> HandKey {
@@ -66,7 +68,7 @@ pub(super) struct RightPad {
     pub mu: f64,
     /// Modulus of its gel over that of the left one.
     pub stiffness_fraction: f64,
-    /// How it is turned about the closing direction, in rad, in its own frame, positive from x to y.
+    /// Its rotation about the closing direction, in rad, in its own frame, positive from x to y.
     pub turn_rad: f64,
 }
 
@@ -84,7 +86,7 @@ const PLACE: &[TaskKind] = &[TaskKind::Place];
 const LIFT: &[TaskKind] = &[TaskKind::Lift];
 const CAPS: &[TaskKind] = &[TaskKind::Screw, TaskKind::Unscrew];
 
-/// The tasks, what they are, and what they hold unless a scene says otherwise.
+/// The tasks, their descriptions, and their default objects.
 pub const HAND_TASKS: [(TaskKind, &str, &str); 4] = [
     (TaskKind::Screw, "a cap turned until it stands on its end stop", "bottle_cap"),
     (TaskKind::Unscrew, "a cap broken loose and turned open", "bottle_cap"),
@@ -92,7 +94,7 @@ pub const HAND_TASKS: [(TaskKind, &str, &str); 4] = [
     (TaskKind::Lift, "a bottle lifted, filled in the air and pulled at", "water_bottle"),
 ];
 
-/// All parameters beside `seed`.
+/// All parameters except `seed`.
 pub const HAND_KEYS: &[HandKey] = &[
     key("object", Kind::Object, "", "what is held"),
     key("mu", Kind::OfObject(0.05, 2.0), "object", "friction coefficient"),
@@ -216,17 +218,17 @@ impl HandScene {
         self.task
     }
 
-    /// Seed of everything random.
+    /// Seed of all random values.
     pub fn seed(&self) -> u64 {
         self.seed
     }
 
-    /// The friction coefficient: the one set, or the object's. Where the pads differ, that of the left one.
+    /// The friction coefficient: the value set, or the object's. That of the left pad if the pads differ.
     pub fn mu(&self) -> f64 {
         self.number("mu").unwrap_or_else(|| self.object().mu)
     }
 
-    /// The right pad; None where it is as the left one.
+    /// The right pad; None if it equals the left one.
     pub(super) fn right_pad(&self) -> Option<RightPad> {
         let keys = ["mu_right", "stiffness_right_fraction", "turn_right_deg"];
         let [mu, stiffness_fraction, turn_deg] = keys.map(|key| self.number(key));
@@ -238,7 +240,7 @@ impl HandScene {
         })
     }
 
-    /// Friction coefficient of both pads in the mean.
+    /// Mean friction coefficient of both pads.
     pub fn mean_mu(&self) -> f64 {
         self.right_pad().map_or(self.mu(), |right| 0.5 * (self.mu() + right.mu))
     }
@@ -248,7 +250,7 @@ impl HandScene {
         self.number("fingers").map_or(2, |count| count as usize)
     }
 
-    /// The faults of the cameras; None for none.
+    /// The faults of the cameras; None without faults.
     pub fn faults(&self) -> Option<Faults> {
         match self.value("fault") {
             Some(Value::Word(text)) if text != "none" => Faults::parse(text).ok(),
@@ -256,17 +258,17 @@ impl HandScene {
         }
     }
 
-    /// The object that is held.
+    /// The held object.
     pub fn object(&self) -> &'static Object {
         Object::named(self.word("object")).expect("the name was looked up when it was set")
     }
 
-    /// When the cameras end, in s.
+    /// Time at which the cameras end, in s.
     pub fn longest_s(&self) -> f64 {
         self.number("longest_s").unwrap_or(60.0)
     }
 
-    /// All keys and values beside the seed.
+    /// All keys and values except the seed.
     pub fn values(&self) -> impl Iterator<Item = (&'static str, &Value)> {
         self.values.iter().map(|(key, value)| (*key, value))
     }
@@ -275,7 +277,7 @@ impl HandScene {
         self.values.iter().find(|(known, _)| *known == key).map(|(_, value)| value)
     }
 
-    /// The number of a key; None where it is a word or the task does not take it.
+    /// The number of a key; None if it is a word or the task does not use the key.
     pub(crate) fn number(&self, key: &str) -> Option<f64> {
         match self.value(key) {
             Some(Value::Number(number)) => Some(*number),
@@ -290,7 +292,7 @@ impl HandScene {
         }
     }
 
-    /// A number that has a default which is one, and a task that takes it.
+    /// A number whose default is a number, of a key that the task uses.
     fn set_number(&self, key: &str) -> Result<f64, SettingError> {
         self.number(key).ok_or_else(|| SettingError {
             key: key.into(),
@@ -299,7 +301,7 @@ impl HandScene {
         })
     }
 
-    /// Distance of the two faces that the pads press, in mm.
+    /// Distance of the two faces between the pads, in mm.
     pub fn width_mm(&self) -> f64 {
         match self.object().form {
             Form::Ball { radius_mm } | Form::Cylinder { radius_mm, .. } => 2.0 * radius_mm,
@@ -307,7 +309,7 @@ impl HandScene {
         }
     }
 
-    /// The cameras, at the size of the model.
+    /// The cameras, at the image size of the model.
     pub(super) fn camera(&self) -> CameraSettings {
         CameraSettings::of_words(self.word("camera"), self.word("surroundings"))
     }
@@ -326,7 +328,7 @@ impl HandScene {
         };
         let mut surface = object.surface();
         if self.task == TaskKind::Place {
-            // Long objects lie along Y then, where the pad is narrower.
+            // Long objects then lie along Y, where the pad is narrower.
             settings.shape_in_object.turn_rad = FRAC_PI_2;
             let room_mm = settings.grid.half_size_mm().y - settings.grid.cell_mm;
             surface.form = cut_to(surface.form, room_mm, self.set_number("tilt_deg")?.to_radians());
@@ -335,7 +337,7 @@ impl HandScene {
         Ok((settings, surface))
     }
 
-    /// What is held, at rest.
+    /// The held object at rest.
     pub(super) fn held(&self) -> Result<Box<dyn HeldObject>, SettingError> {
         Ok(match self.task {
             TaskKind::Place => Box::new(Tool::new(self.tool()?)),
@@ -353,7 +355,7 @@ impl HandScene {
         Ok(ToolSettings {
             mass_kg: object.mass_kg,
             gyration_radius_mm: object.gyration_radius_mm,
-            // As of a rod of that radius of gyration.
+            // For a rod with that radius of gyration.
             half_length_mm: (3f64.sqrt() * object.gyration_radius_mm).max(25.0),
             underside_mm,
             off_mm: self.set_number("off_mm")?,
@@ -366,7 +368,7 @@ impl HandScene {
         let object = self.object();
         let mut random = Random::of(self.seed, 0xB0771E);
         let mut or_drawn = |key: &str, low: f64, high: f64| {
-            let drawn = random.between(low, high); // always, so that one key set does not change the others
+            let drawn = random.between(low, high); // always, so that setting one key does not change the others
             self.number(key).unwrap_or(drawn)
         };
         let fill_kg_per_s = or_drawn("fill_kg_per_s", 0.1, 0.5);
@@ -407,7 +409,7 @@ impl HandScene {
     }
 }
 
-/// A form that lies along Y of the pad, shortened to fit between its borders from flat to a tilt.
+/// A form that lies along Y of the pad, shortened to fit between its borders for every angle from flat to a tilt.
 fn cut_to(form: Form, room_mm: f64, tilt_rad: f64) -> Form {
     let (s, c) = (libm::sin(tilt_rad).abs(), libm::cos(tilt_rad));
     match form {
@@ -422,7 +424,7 @@ fn cut_to(form: Form, room_mm: f64, tilt_rad: f64) -> Form {
     }
 }
 
-/// As [`HandScene::parse`] reads it, with all parameters; the right pad where it differs.
+/// In the format of [`HandScene::parse`], with all parameters; those of the right pad if it differs.
 impl fmt::Display for HandScene {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}?seed={}", self.task, self.seed)?;

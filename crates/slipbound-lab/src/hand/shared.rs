@@ -8,7 +8,7 @@ use slipbound::plant::{JawCommand, JawDrive, JawSettings, Plant, WristDrive};
 use slipbound::setting::SettingError;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-/// Time in which the jaws get to where they are at the start, in ns.
+/// Time in which the jaws reach their start position, in ns.
 const BEFORE_START_NS: u64 = 10_000_000_000;
 
 /// The parts of a hand.
@@ -16,7 +16,7 @@ const BEFORE_START_NS: u64 = 10_000_000_000;
 pub(super) struct HandParts {
     pub world: HandWorld,
     pub cameras: Cameras,
-    /// On a clock of its own, `BEFORE_START_NS` ahead.
+    /// On their own clock, `BEFORE_START_NS` ahead.
     pub jaws: JawDrive,
     pub wrist: WristDrive,
     pub longest_ns: u64,
@@ -40,7 +40,7 @@ impl HandParts {
         self.world.now_ns()
     }
 
-    /// Refuses gripper and wrist while others drive the plant, and after an error stopped the run.
+    /// Refuses gripper and wrist while others drive the plant, and after an error that stopped the run.
     pub fn check_usable(&self) -> Result<(), SettingError> {
         if self.is_plant {
             return Err(SettingError {
@@ -52,7 +52,7 @@ impl HandParts {
         self.world.error().map_or(Ok(()), |error| Err(error.clone()))
     }
 
-    /// Jaws, wrist and world to the next frame.
+    /// Advances jaws, wrist and world to the next frame.
     pub fn advance_frame(&mut self) {
         let from = self.world.steps_count();
         for step in 1..=SUBSTEPS_COUNT {
@@ -67,7 +67,7 @@ impl HandParts {
     }
 }
 
-/// The parts behind a lock, so that every handle can live on a thread of its own. The lock is held for one call.
+/// The parts behind a lock, so that every handle can be on its own thread. The lock is held for one call.
 #[derive(Debug, Clone)]
 pub(super) struct SharedHand(Arc<Mutex<HandParts>>);
 
@@ -77,8 +77,8 @@ impl SharedHand {
         Ok(SharedHand(Arc::new(Mutex::new(HandParts::new(scene)?))))
     }
 
-    /// The parts. Where a thread panicked while it held them they may be half a step ahead of each other: the run is
-    /// stopped then, and every handle returns that error.
+    /// The parts. If a thread panicked while it held the lock, they may be half a step apart: the run is then stopped,
+    /// and every handle returns that error.
     pub fn lock(&self) -> MutexGuard<'_, HandParts> {
         self.0.lock().unwrap_or_else(|poisoned| {
             let mut parts = poisoned.into_inner();

@@ -1,4 +1,4 @@
-//! The ground truth of the hand and of the object it holds.
+//! The ground truth of the hand and of the held object.
 
 use crate::contact::{Pose, Truth, Wrench};
 use crate::plants::{BottleTruth, CapTruth, GroundTruth, ObjectTruth};
@@ -14,49 +14,49 @@ pub struct HandTruth {
     pub angle_rad: f64,
     /// Distance lowered since the start, in mm.
     pub lowered_mm: f64,
-    /// Distance between the fingertips, in mm; None where the gripper is outside the simulator.
+    /// Distance between the fingertips, in mm; None if the gripper is outside the simulator.
     pub opening_mm: Option<f64>,
     /// Normal force per finger, in N.
     pub grip_force_n: f64,
-    /// What the object exerts on the gel of the left and of the right finger, each in its own frame; the torque is
-    /// about the middle of the contact.
+    /// Load of the object on the gel of the left and of the right finger, each in its own frame; the torque is about
+    /// the middle of the contact.
     pub wrench: [Wrench; 2],
-    /// Where the object's reference point is, in the frame of the left finger.
+    /// Position of the object's reference point, in the frame of the left finger.
     pub pose: Pose,
-    /// Area under pressure on one finger, in mm2; the mean where the pads differ. So are the force and what follows from it;
-    /// ratios are then of both pads together, and an object slides as a whole when it slides over both.
+    /// Area under pressure on one finger, in mm2; the mean if the pads differ, as for the force and the values derived
+    /// from it. Ratios are then of both pads together, and an object slides as a whole if it slides over both.
     pub contact_area_mm2: f64,
     /// phi: area that did not slide in the last step over area in contact; None without contact.
     pub stick_ratio: Option<f64>,
     /// Share of the friction that is used, see [`GROSS_FRICTION_FRACTION`](crate::contact::GROSS_FRICTION_FRACTION);
     /// None without contact or motion.
     pub friction_used_fraction: Option<f64>,
-    /// Least normal force per finger that would hold the present load, in N: the grip times sqrt(F^2 + (T / a)^2) over the
-    /// sum of the bounds, with the friction F, its torque T about the middle of the contact and the mean lever a of
-    /// friction. Exact for a pure force, and for a pure torque as far as a stays the same; in between the limit surface is
-    /// taken for an ellipsoid (Howe and Cutkosky, IJRR 15 (1996) 557), which is good to some 10 %.
+    /// Least normal force per finger that would hold the present load, in N: the grip times sqrt(F^2 + (T / a)^2) over
+    /// the sum of the bounds, with the friction F, its torque T about the middle of the contact and the mean lever a of
+    /// friction. Exact for a pure force, and for a pure torque as long as a does not change; in between the limit
+    /// surface is approximated by an ellipsoid (Howe and Cutkosky, IJRR 15 (1996) 557), which is accurate to some 10 %.
     pub required_n: f64,
-    /// Whether the object slid as a whole in the last step: from 0.99 of the friction used until less than 0.95 is, while
-    /// at least half of the grip is required.
+    /// Whether the object slid as a whole in the last step: from 0.99 of the friction used until it falls below 0.95,
+    /// while at least half of the grip is required.
     pub gross: bool,
-    /// Steps in which that was so.
+    /// Number of such steps.
     pub gross_steps_count: u64,
-    /// When it first was so, in ns; None when it never was.
+    /// Time of the first such step, in ns; None if there was none.
     pub first_gross_ns: Option<u64>,
-    /// Way of the object over the pads while it slid as a whole, added up, in mm; rotation counts at the lever of
-    /// every cell.
+    /// Total path of the object over the pads while it slid as a whole, in mm; rotation counts at the lever of every
+    /// cell.
     pub slid_mm: f64,
     /// Largest pressure, in MPa.
     pub peak_pressure_mpa: f64,
     /// Largest displacement gradient of the gel's surface, as a fraction.
     pub largest_strain_fraction: f64,
-    /// Whether that, or the strain of a soft object, is beyond what a linear gel stands for.
+    /// Whether that, or the strain of a soft object, is beyond the range of a linear gel.
     pub beyond_linear: bool,
     /// Whether the contact reaches the border of the pad.
     pub at_border: bool,
     /// Whether both solvers met their tolerance in every step so far.
     pub converged: bool,
-    /// Of the left and the right pad by themselves; None where they are alike.
+    /// Of the left and the right pad separately; None if they are identical.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pads: Option<[PadTruth; 2]>,
     /// Of a cap.
@@ -89,7 +89,7 @@ impl PadTruth {
 }
 
 impl HandTruth {
-    /// Takes over what is true of the object that is held.
+    /// Adds the ground truth of the held object.
     pub(super) fn set_object(&mut self, truth: ObjectTruth) {
         match truth {
             ObjectTruth::Cap(cap) => self.cap = Some(cap),
@@ -98,8 +98,8 @@ impl HandTruth {
         }
     }
 
-    /// The record of a cycle, as a run folder keeps it. The margin is 1 - required / applied force, at least -1, and
-    /// None while nothing is pressed; torques are without their sign.
+    /// The record of a cycle for a run folder. The margin is 1 - required / applied force, at least -1, and None
+    /// without contact force; torques are absolute values.
     pub fn record(&self) -> PlantTruth {
         let used_fraction = (self.grip_force_n > 0.0).then(|| self.required_n / self.grip_force_n);
         PlantTruth {

@@ -1,4 +1,4 @@
-//! The contact of both fingers with what they hold, stepped in time by the gripper and the wrist.
+//! The contact of both fingers with the held object, stepped in time by the gripper and the wrist.
 
 use super::pads::Pads;
 use super::scene::HandScene;
@@ -13,18 +13,18 @@ use slipbound::setting::SettingError;
 /// Steps of the contact per second.
 const STEPS_HZ: u64 = FRAME_RATE_HZ * SUBSTEPS_COUNT;
 
-/// Share of the grip that must be required before anything counts as sliding as a whole: the first cells of a press
-/// may slip without anything sliding.
+/// Share of the grip that must be required before the object counts as sliding as a whole: while pressing, the first
+/// cells may slip although nothing slides.
 const LOADED_FRACTION: f64 = 0.5;
 
-/// Share of the friction used below which an object that slides as a whole no longer does: knurls that pass over the gel
-/// make cells stick for a step.
+/// Share of the friction used below which an object no longer slides as a whole: knurls that pass over the gel make
+/// cells stick for a step.
 const STILL_SLIDES_FRACTION: f64 = 0.95;
 
 /// The world between the jaws, without jaws and wrist: a [`Plant`].
 ///
-/// Unless the scene says otherwise the two fingers are identical and so are their loads, up to the sign of y; one contact
-/// is computed then.
+/// Unless the scene specifies otherwise the two fingers and their loads are identical, up to the sign of y; one contact
+/// is then computed.
 #[derive(Debug)]
 pub struct HandWorld {
     pads: Pads,
@@ -32,7 +32,7 @@ pub struct HandWorld {
     width_mm: f64,
     steps_count: u64,
     now: HandState,
-    /// Where gripper and wrist are to be at the end of the next call of `advance_to`.
+    /// Target of gripper and wrist at the end of the next call of `advance_to`.
     target: HandState,
     truth: HandTruth,
     error: Option<SettingError>,
@@ -50,7 +50,7 @@ impl HandWorld {
             wrench: Wrench::default(),
         };
         pads.step(Drive::Guided, &off)?;
-        pads.step(Drive::Guided, &off)?; // a second time, for the first left it with a velocity
+        pads.step(Drive::Guided, &off)?; // repeated, because the first step left it with a velocity
         let mut world = HandWorld {
             pads,
             width_mm: scene.width_mm(),
@@ -71,12 +71,12 @@ impl HandWorld {
     }
 
     /// The computed contact of a finger, 0 left, 1 right. That of the right one is in the axes of the left one, before
-    /// [`HandWorld::symmetry`]; where the pads are alike it is that of the left one.
+    /// [`HandWorld::symmetry`]; if the pads are identical it is that of the left one.
     pub fn finger(&self, finger: usize) -> &Finger {
         self.pads.finger(finger)
     }
 
-    /// What the right finger feels where the pads are alike.
+    /// Relation of the right finger's contact to the left one's, if the pads are identical.
     pub fn symmetry(&self) -> Symmetry {
         self.held.symmetry()
     }
@@ -86,7 +86,7 @@ impl HandWorld {
         self.error.as_ref()
     }
 
-    /// Stops the run with an error, unless one has stopped it already.
+    /// Stops the run with an error, unless it is already stopped.
     pub(super) fn stop(&mut self, error: SettingError) {
         self.error.get_or_insert(error);
     }
@@ -106,7 +106,7 @@ impl HandWorld {
         self.steps_count
     }
 
-    /// The gel of a finger as its camera sees it, cell by cell, in its own frame: 0 left, 1 right.
+    /// The gel of a finger as seen by its camera, cell by cell, in its own frame: 0 left, 1 right.
     pub(super) fn show(&self, finger: usize, displacement: &mut [Displacement], pressure_mpa: &mut [f64]) {
         let gel = self.pads.finger(finger);
         let width = gel.settings().grid.width_cells;
@@ -183,7 +183,7 @@ impl HandWorld {
             Pads::Alike(_) => None,
             Pads::Apart(_) => Some([0, 1].map(|finger| PadTruth::of(self.pads.finger(finger).truth()))),
         };
-        // Of friction alone, against what friction can hold: pressure holds its own part of the load.
+        // Friction alone, compared with the friction bounds: pressure carries its own part of the load.
         truth.required_n = sliding.map_or(0.0, |s| {
             let by_force_n = contact.friction.force_n;
             let by_torque_n_mm = contact.friction.torque_n_mm + to_object_mm.cross(by_force_n);
@@ -211,7 +211,7 @@ impl Plant for HandWorld {
         (!self.held.is_gone()).then_some(self.width_mm)
     }
 
-    /// A force that is no number or below 0 stops the run.
+    /// A force that is NaN or below 0 stops the run.
     fn press(&mut self, force_n: f64) {
         self.target.force_n = force_n;
     }
@@ -221,8 +221,8 @@ impl Plant for HandWorld {
         self.target.lowered_mm = lowered_mm;
     }
 
-    /// In whole steps of 1/120 s; what is left of the time waits for the next call. The wrist gets to its place
-    /// evenly over the steps of one call.
+    /// In whole steps of 1/120 s; the remaining time is kept for the next call. The wrist moves to its target evenly
+    /// over the steps of one call.
     fn advance_to(&mut self, now_ns: u64) {
         let mut left = 0;
         while time_ns(self.steps_count + left + 1) <= now_ns {

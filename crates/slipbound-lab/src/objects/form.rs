@@ -40,7 +40,7 @@ pub enum Form {
 }
 
 impl Form {
-    /// As the contact takes it.
+    /// The shape for the contact.
     pub(super) fn shape(&self) -> FormShape {
         match *self {
             Form::Ball { radius_mm } => FormShape::Ball(Sphere { radius_mm }),
@@ -53,8 +53,8 @@ impl Form {
         }
     }
 
-    /// Where a point of the surface lies on the object's skin when that is laid flat, in mm. Relief is cut there:
-    /// knurls keep their spacing round a cylinder instead of crowding at its sides.
+    /// Position of a point of the surface on the object's skin when unrolled, in mm. Relief is defined there: knurls
+    /// keep their spacing around a cylinder instead of crowding at its sides.
     pub(super) fn unrolled_mm(&self, from_centre: Vec2, on_skin: Vec2) -> Vec2 {
         match *self {
             Form::Cylinder { radius_mm, .. } => {
@@ -84,7 +84,7 @@ pub(super) enum FormShape {
 }
 
 impl FormShape {
-    /// As [`Shape::gap_mm`], without a call through a table for every cell.
+    /// As [`Shape::gap_mm`], without dynamic dispatch for every cell.
     #[inline]
     pub fn gap_mm(&self, from_centre: Vec2, on_skin: Vec2) -> f64 {
         match self {

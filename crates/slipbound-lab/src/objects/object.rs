@@ -11,28 +11,28 @@ use slipbound::setting::SettingError;
 /// An object to be held.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Object {
-    /// What it is called in scenes.
+    /// Its name in scenes.
     pub name: &'static str,
     /// The part that faces the pad, without its relief.
     pub form: Form,
     /// What is cut into the form.
     pub relief: Relief,
-    /// How it gives; None for what is rigid beside the gel.
+    /// Softness; None if it is rigid compared with the gel.
     pub softness: Option<SoftObject>,
-    /// Friction coefficient on the gel when a scene names none.
+    /// Friction coefficient on the gel, unless a scene sets one.
     pub mu: f64,
-    /// Mass in kg; of the bottle, empty.
+    /// Mass in kg; for the bottle, empty.
     pub mass_kg: f64,
     /// Radius of gyration about the point that is held, in mm.
     pub gyration_radius_mm: f64,
-    /// What its surface looks like.
+    /// Appearance of its surface.
     pub texture: &'static str,
-    /// What to know before trusting it.
+    /// Known limits of the description.
     pub note: &'static str,
 }
 
 impl Object {
-    /// Its surface, to be pressed on the gel.
+    /// Its surface, for the contact.
     pub fn surface(&self) -> ObjectSurface {
         ObjectSurface { form: self.form, relief: self.relief }
     }

@@ -1,11 +1,11 @@
-//! What is cut into the surface of an object.
+//! Relief of the surface of an object.
 
 use serde::Serialize;
 use slipbound::plane::Vec2;
 use std::f64::consts::TAU;
 
-/// A pattern cut into a surface, by its depth and spacing in mm. x and y are those of the unrolled surface: on a
-/// cylinder y runs round it.
+/// A pattern cut into a surface, given by its depth and spacing in mm. x and y are those of the unrolled surface: on a
+/// cylinder y runs around it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Relief {
@@ -32,7 +32,7 @@ pub enum Relief {
         /// From ridge to ridge.
         spacing_mm: f64,
     },
-    /// Bumps without order, always the same ones.
+    /// Irregular bumps, always the same ones.
     Bumps {
         /// From the highest bump to the lowest hollow.
         depth_mm: f64,
@@ -41,10 +41,10 @@ pub enum Relief {
     },
 }
 
-/// Spacing of the finest relief whose slopes are followed, in mm: four cells of the fast grid.
+/// Spacing of the finest relief whose slopes are resolved, in mm: four cells of the fast grid.
 const LEAST_FOLLOWED_MM: f64 = 2.5;
 
-/// How far windings wander to the side, as a share of their spacing, and over how many spacings. By eye.
+/// Sideways amplitude of the windings, as a share of their spacing, and its period in spacings. By eye.
 const WANDER: (f64, f64) = (0.35, 2.3);
 
 impl Relief {
@@ -63,9 +63,9 @@ impl Relief {
         }
     }
 
-    /// Whether pressure on its slopes is followed. Finer relief than [`LEAST_FOLLOWED_MM`] has two or three cells to a
-    /// ridge, which would snap from one to the next: there it shapes the pressure alone, and how it interlocks with the gel is
-    /// part of the friction coefficient of the object.
+    /// Whether pressure on its slopes is resolved. Relief finer than [`LEAST_FOLLOWED_MM`] has two or three cells per
+    /// ridge, which would snap from one ridge to the next: it shapes only the pressure, and its interlocking with the
+    /// gel is part of the friction coefficient of the object.
     pub(super) fn pushes_sideways(&self) -> bool {
         match *self {
             Relief::Smooth => false,
@@ -90,7 +90,7 @@ impl Relief {
     }
 }
 
-/// Heights 0 to 1 drawn at the corners of a unit lattice, joined smoothly.
+/// Heights 0 to 1 drawn at the corners of a unit lattice, smoothly interpolated.
 fn bump(x: f64, y: f64) -> f64 {
     let (column, row) = (x.floor(), y.floor());
     let ease = |t: f64| t * t * (3.0 - 2.0 * t);
@@ -101,7 +101,7 @@ fn bump(x: f64, y: f64) -> f64 {
     upper * (1.0 - down) + lower * down
 }
 
-/// A number 0 to 1 that belongs to a corner.
+/// A number 0 to 1 that is fixed for a corner.
 fn height_of_corner(column: i64, row: i64) -> f64 {
     let key = (column as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (row as u64).wrapping_mul(0xC2B2_AE3D_27D4_EB4F);
     crate::random::Random::new(key).fraction()

@@ -1,4 +1,4 @@
-//! A bottle that is lifted off a table, filled in the air and pulled at.
+//! A bottle that is lifted off a table, filled in the air and pulled.
 //!
 //! ```text
 //!      left | bottle | right      weight m g along X, inertia of the hand's own motion,
@@ -7,7 +7,7 @@
 //!   ========================= table
 //! ```
 //!
-//! Filling and pulls count from the moment the bottle has left the table.
+//! Filling and pulls are timed from the moment the bottle leaves the table.
 
 use super::held::{ContactInput, HandState, HeldObject, Symmetry};
 use super::support::{Feet, LOST_AFTER_MM, difference, sum, weight, weight_n};
@@ -21,16 +21,17 @@ use std::f64::consts::TAU;
 /// Stiffness of the table under each side of the bottle, in N/mm. Estimate.
 const TABLE_N_PER_MM: f64 = 50.0;
 
-/// How far below the grip the table is at the start, in mm. Assumed.
+/// Distance of the table below the grip at the start, in mm. Assumed.
 const ABOVE_TABLE_MM: f64 = 60.0;
 
-/// The arm takes up speed within this time constant, in s: its drive starts at once, a mass does not. Estimate.
+/// Time constant with which the arm reaches its speed, in s: its drive starts at once, a mass does not. Estimate.
 const ARM_LAG_S: f64 = 0.05;
 
-/// Damping of what pulls, in N s/mm, while it pulls, as a hand would; as in the scene `ramp`. Estimate.
+/// Damping of a pull, in N s/mm, while it acts, as by a hand; as in the scene `ramp`. Estimate.
 const PULL_DAMPING_N_S_PER_MM: f64 = 0.03;
 
-/// A drawn pull is at most this share of the weight then: a grip that just holds the weight with a margin meets it.
+/// Limit of a drawn pull as a share of the weight at that time: a grip that holds the weight with a small margin holds
+/// the pull.
 const PULL_OF_WEIGHT_FRACTION: f64 = 0.5;
 
 /// A pull at the bottle.
@@ -44,7 +45,7 @@ pub struct PullPulse {
     pub direction_rad: f64,
     /// Its largest force, in N.
     pub peak_n: f64,
-    /// Whether it swells and fades as half a sine; a step otherwise.
+    /// Whether it rises and falls as half a sine; otherwise it is a step.
     pub swells: bool,
 }
 
@@ -60,18 +61,18 @@ impl PullPulse {
     }
 }
 
-/// A bottle and what will happen to it.
+/// A bottle and the events of its run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BottleSettings {
     /// Mass on the table, in kg.
     pub start_kg: f64,
     /// Mass when it is full, in kg.
     pub most_kg: f64,
-    /// By which it is filled, in kg/s.
+    /// Filling rate, in kg/s.
     pub fill_kg_per_s: f64,
     /// When filling begins, in s since the bottle left the table.
     pub fill_after_s: f64,
-    /// What pulls.
+    /// The pulls.
     pub pulses: Vec<PullPulse>,
     /// Radius of gyration about the grip, in mm.
     pub gyration_radius_mm: f64,
@@ -87,7 +88,7 @@ impl BottleSettings {
     }
 
     /// Draws pulls: steps or half sines of 50 to 200 ms and 2 to 10 N in any direction, each in its own part of the
-    /// first 6 s. `peak_n` replaces the drawn force; without it a pull stays below half of the weight then.
+    /// first 6 s. `peak_n` replaces the drawn force; without it a pull stays below half of the weight at that time.
     pub(crate) fn draw_pulses(&mut self, count: usize, peak_n: Option<f64>, random: &mut Random) {
         let part_s = 5.4 / count.max(1) as f64;
         for n in 0..count {
@@ -107,9 +108,9 @@ pub struct Bottle {
     feet: Feet,
     time_s: f64,
     lowered_mm: f64,
-    /// Speed of the hand as the bottle feels it, in mm/s.
+    /// Speed of the hand as it acts on the bottle, in mm/s.
     speed_mm_per_s: f64,
-    /// Of the last step.
+    /// Motion in the last step.
     moved: Pose,
     pose: Pose,
     truth: BottleTruth,
@@ -119,7 +120,7 @@ impl Bottle {
     /// A bottle on its table.
     pub fn new(settings: BottleSettings) -> Self {
         let feet_mm = [1.0, -1.0].map(|side| Vec2::new(ABOVE_TABLE_MM, side * settings.radius_mm));
-        // It stands at 0 with the table giving under its weight.
+        // It stands at 0 with the table compressed by its weight.
         let gives_mm = 0.5 * weight_n(settings.start_kg) / TABLE_N_PER_MM;
         let feet = Feet { feet_mm, stiffness_n_per_mm: TABLE_N_PER_MM, ground_mm: ABOVE_TABLE_MM - gives_mm };
         let truth =
@@ -136,12 +137,12 @@ impl Bottle {
         }
     }
 
-    /// The pulls drawn for it, with its masses.
+    /// Its settings, with the drawn pulls.
     pub fn settings(&self) -> &BottleSettings {
         &self.settings
     }
 
-    /// Time since it left the table, in s; before that one that never comes.
+    /// Time since it left the table, in s; before that a value that is never reached.
     fn since_s(&self) -> f64 {
         self.truth.lifted_at_s.map_or(f64::NEG_INFINITY, |at_s| self.time_s - at_s)
     }
@@ -164,7 +165,7 @@ impl HeldObject for Bottle {
         let (mut springs, mut wrench) = self.feet.springs(contact, self.moved, hand.lowered_mm, step_s);
         wrench = sum(wrench, weight(&inertia, contact.pose.turn_rad));
 
-        // In the frame of the hand its acceleration acts the other way.
+        // In the frame of the hand the inertial force is opposite to the hand's acceleration.
         let speed_mm_per_s = (hand.lowered_mm - self.lowered_mm) / step_s;
         let gain_mm_per_s = (speed_mm_per_s - self.speed_mm_per_s) * step_s / (ARM_LAG_S + step_s);
         self.lowered_mm = hand.lowered_mm;

@@ -7,9 +7,9 @@
 //!             \ ___ /     the wrist turns by theta, the cap by phi: over a pad it moves R (theta - phi)
 //! ```
 //!
-//! The thread resists with a torque that depends on how far the cap has been turned. It only resists: while the pads
-//! carry less, the cap stands, and it never springs back. As it turns it moves along X by its pitch, which shears the
-//! pads unless the wrist follows.
+//! The thread resists with a torque that depends on how far the cap has been turned. It only resists: while the load of
+//! the pads is lower, the cap does not move, and it never springs back. As it turns it moves along X by its pitch,
+//! which shears the pads unless the wrist follows.
 
 use super::held::{ContactInput, FINGERS_COUNT, HandState, HeldObject, Symmetry};
 use super::truth::{CapTruth, ObjectTruth};
@@ -17,11 +17,11 @@ use crate::contact::{Drive, Pose, Rail, Truth, Wrench};
 use slipbound::plane::Vec2;
 use std::f64::consts::TAU;
 
-/// Torque against the rate of turning, in N mm s/rad: 5 N mm at 20 deg/s. It makes the motion of a yielding cap well
-/// posed and is small beside everything else.
+/// Torque against the rate of turning, in N mm s/rad: 5 N mm at 20 deg/s. It makes the motion of a turning cap well
+/// posed and is small compared with everything else.
 const VISCOUS_N_MM_S_PER_RAD: f64 = 14.3;
 
-/// Growth of the torque once the seal is squeezed, in N mm/rad. Estimate.
+/// Growth of the torque after contact with the seal, in N mm/rad. Estimate.
 const SEAL_N_MM_PER_RAD: f64 = 600.0;
 
 /// Growth of the torque at the end stop, in N mm/rad. Estimate.
@@ -33,9 +33,9 @@ const BREAK_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 /// The torque of a thread over the angle turned in the sense of the task.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Thread {
-    /// Closing: it runs, then squeezes its seal, then stands on its end stop.
+    /// Closing: it runs freely, compresses its seal, then reaches its end stop.
     Screw {
-        /// While it runs, in N mm.
+        /// Running torque, in N mm.
         run_n_mm: f64,
         /// Where the seal begins, in rad.
         seal_rad: f64,
@@ -44,15 +44,15 @@ pub enum Thread {
     },
     /// Opening: it breaks loose, then runs.
     Unscrew {
-        /// While it runs, in N mm.
+        /// Running torque, in N mm.
         run_n_mm: f64,
-        /// Before it has moved, in N mm.
+        /// Break-loose torque, in N mm.
         break_n_mm: f64,
     },
 }
 
 impl Thread {
-    /// Torque in N mm that holds against a turn which has come `turned_rad` far, 0 or above.
+    /// Resisting torque in N mm at a turn of `turned_rad`, 0 or above.
     pub fn torque_n_mm(&self, turned_rad: f64) -> f64 {
         match *self {
             Thread::Screw { run_n_mm, seal_rad, stop_rad } => {
@@ -66,7 +66,7 @@ impl Thread {
         }
     }
 
-    /// The sense of the task about X: a right-handed thread closes from Y to Z and comes down.
+    /// The sense of the task about X: a right-handed thread closes from Y to Z and moves down.
     fn sense(&self) -> f64 {
         match self {
             Thread::Screw { .. } => 1.0,
@@ -82,35 +82,35 @@ pub struct Cap {
     mu: f64,
     thread: Thread,
     pitch_mm_per_rad: f64,
-    /// In the last step, in rad.
+    /// Turn in the last step, in rad.
     step_rad: f64,
     truth: CapTruth,
 }
 
 impl Cap {
-    /// A cap that has not been turned; `pitch_mm` is its way along X in a whole turn.
+    /// A cap that has not been turned; `pitch_mm` is its travel along X per turn.
     pub fn new(radius_mm: f64, mu: f64, thread: Thread, pitch_mm: f64) -> Self {
         let truth = CapTruth { thread_n_mm: thread.torque_n_mm(0.0), ..CapTruth::default() };
         Cap { radius_mm, mu, thread, pitch_mm_per_rad: pitch_mm / TAU, step_rad: 0.0, truth }
     }
 
-    /// Motion over the pads in mm when the cap turns by one rad in the sense of the task and the hand stands.
+    /// Motion over the pads in mm when the cap turns by one rad in the sense of the task and the hand does not move.
     fn along_mm(&self) -> Vec2 {
         Vec2::new(self.pitch_mm_per_rad, -self.radius_mm) * self.thread.sense()
     }
 
-    /// How far its profile rolls over its skin, per rad as above: it stays between the pads.
+    /// Rolling of its profile over its skin, per rad as above: the profile stays between the pads.
     fn roll_mm(&self) -> Vec2 {
         Vec2::new(0.0, -self.along_mm().y)
     }
 
-    /// Where it is over the pads while it stands.
+    /// Its pose over the pads while it does not turn.
     fn pose(&self, hand: HandState) -> Pose {
         let by_hand_mm = Vec2::new(-hand.lowered_mm, self.radius_mm * hand.angle_rad);
         Pose { position_mm: by_hand_mm + self.along_mm() * self.truth.angle_rad, turn_rad: 0.0 }
     }
 
-    /// What the pads do along the thread, per rad in the sense of the task, in N mm.
+    /// Torque of the pads along the thread, per rad in the sense of the task, in N mm.
     fn drive_n_mm(&self, contact: &Truth) -> f64 {
         let work_n_mm = contact.wrench.force_n.dot(self.along_mm()) + contact.on_profile_n.dot(self.roll_mm());
         -f64::from(FINGERS_COUNT) * work_n_mm
@@ -131,8 +131,8 @@ impl HeldObject for Cap {
         let now_n_mm = self.thread.torque_n_mm(angle_rad);
         self.truth.yields = self.drive_n_mm(contact) > now_n_mm;
         let drive = if self.truth.yields {
-            // Where the torque grows it is a spring of this step. Where it falls, which no implicit step can hold,
-            // it is that of the end of the step, estimated from the last one.
+            // Where the torque grows it is a spring of this step. Where it falls, which no implicit step can hold, the
+            // torque at the end of the step is used, estimated from the last step.
             let step_rad = self.step_rad.max(1e-4);
             let next_n_mm = self.thread.torque_n_mm(angle_rad + step_rad);
             Drive::Railed(Rail {
@@ -146,7 +146,7 @@ impl HeldObject for Cap {
         } else {
             Drive::Guided
         };
-        // The round profile stays between the pads whatever the cap does; only its skin walks.
+        // The round profile stays between the pads whatever the cap does; only its skin moves.
         let roll_mm = Vec2::new(0.0, -contact.pose.position_mm.y);
         ContactInput { drive, pose: self.pose(hand), roll_mm, wrench: Wrench::default() }
     }
@@ -154,7 +154,7 @@ impl HeldObject for Cap {
     fn after_step(&mut self, contact: &Truth, hand: HandState, _step_s: f64, _slid_mm: f64) {
         let along_mm = self.along_mm();
         let turned_mm = contact.pose.position_mm - self.pose(hand).position_mm;
-        // It never springs back: what the step took back is undone by the next one.
+        // It never springs back: a reverse turn of the step is undone by the next one.
         let turns = self.truth.yields && contact.contact_cells_count > 0;
         self.step_rad = if turns { (turned_mm.dot(along_mm) / along_mm.length_squared()).max(0.0) } else { 0.0 };
         self.truth.angle_rad += self.step_rad;

@@ -8,7 +8,7 @@
 //!   ______________________ ground
 //! ```
 //!
-//! A stand holds the tool until the pads have had it for a while; then it gives way, evenly.
+//! A stand holds the tool until the pads have held it for a while; then its support decreases linearly.
 
 use super::held::{ContactInput, HandState, HeldObject, Symmetry};
 use super::support::{Feet, LOST_AFTER_MM, difference, sum, weight, weight_n};
@@ -22,10 +22,10 @@ const GROUND_N_PER_MM: f64 = 50.0;
 /// Stiffness of the arm, in N/mm, in series with the ground. Estimate.
 const ARM_N_PER_MM: f64 = 20.0;
 
-/// How long the pads have a tool before its stand gives way, in s.
+/// How long the pads must hold a tool before its stand releases it, in s.
 const STAND_S: f64 = 0.15;
 
-/// Time in which it gives way, in s.
+/// Duration of the release, in s.
 const HANDOVER_S: f64 = 0.2;
 
 /// A tool and the ground.
@@ -34,9 +34,9 @@ pub struct Tool {
     start: Pose,
     feet: Feet,
     inertia: Inertia,
-    /// Time the pads have had it, in s.
+    /// Time since the pads have held it, in s.
     touched_s: f64,
-    /// Of the last step.
+    /// Motion in the last step.
     moved: Pose,
     pose: Pose,
     truth: GroundTruth,
@@ -53,9 +53,9 @@ pub struct ToolSettings {
     pub half_length_mm: f64,
     /// Distance of the feet below the grip, across the tool, in mm.
     pub underside_mm: f64,
-    /// Where the centre of mass is from the grip, along Y of the untilted tool, in mm.
+    /// Offset of the centre of mass from the grip, along Y of the untilted tool, in mm.
     pub off_mm: f64,
-    /// How it is turned about Z, in rad, positive from X to Y.
+    /// Rotation about Z, in rad, positive from X to Y.
     pub tilt_rad: f64,
     /// Gap under the lower foot, in mm.
     pub height_mm: f64,
@@ -64,7 +64,7 @@ pub struct ToolSettings {
 impl Tool {
     /// A tool in its stand.
     pub fn new(settings: ToolSettings) -> Self {
-        // y = -Y and turns count the other way in the frame of the left finger.
+        // In the frame of the left finger y = -Y and rotations have the opposite sign.
         let start = Pose { position_mm: Vec2::ZERO, turn_rad: -settings.tilt_rad };
         let foot = |y: f64| Vec2::new(settings.underside_mm, y);
         let mut feet = Feet {
@@ -89,7 +89,7 @@ impl Tool {
         Tool { start, feet, inertia, touched_s: 0.0, moved: Pose::default(), pose: start, truth }
     }
 
-    /// How much of the weight the stand no longer carries.
+    /// Share of the weight that the stand no longer carries.
     fn handed_over(&self) -> f64 {
         ((self.touched_s - STAND_S) / HANDOVER_S).clamp(0.0, 1.0)
     }
@@ -122,7 +122,7 @@ impl HeldObject for Tool {
         let free = self.handed_over() > 0.0;
         let truth = &mut self.truth;
         if free && !touches && truth.free_drop_mm.is_none() {
-            // The gaps of the step before: in this one it has begun to fall.
+            // The gaps of the previous step: in this one it has begun to fall.
             truth.free_drop_mm = Some(truth.feet_gap_mm.iter().fold(0.0, |most, gap| most.max(*gap)));
         }
         self.touched_s = if free || touches { self.touched_s + step_s } else { 0.0 };

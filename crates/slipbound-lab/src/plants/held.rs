@@ -1,4 +1,4 @@
-//! What every held object answers to: where it may move, what pulls at it, what is true of it.
+//! Interface of every held object: its permitted motion, its external load, its ground truth.
 
 use super::truth::ObjectTruth;
 use crate::contact::{Drive, Pose, Truth, Wrench};
@@ -7,16 +7,16 @@ use slipbound::plane::Vec2;
 /// How many fingers hold the object.
 pub(crate) const FINGERS_COUNT: u32 = 2;
 
-/// What the right finger feels, in its own frame, against what the left one feels in its own.
+/// Relation of the right finger's contact, in its own frame, to the left one's in its own frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Symmetry {
-    /// The same: the object turns about the axis along the fingers, so its two sides go opposite ways.
+    /// The same: the object turns about the axis along the fingers, so its two sides move in opposite directions.
     Same,
     /// The mirror image, y for -y: the object moves as a whole across the pads or turns about the closing direction.
     Mirrored,
 }
 
-/// Where the hand is and how hard it presses, at the end of a step.
+/// Pose of the hand and its force, at the end of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct HandState {
     /// Angle of the wrist about the axis along the fingers since the start, in rad, positive from Y to Z.
@@ -27,16 +27,16 @@ pub struct HandState {
     pub force_n: f64,
 }
 
-/// What the object puts into the contact in a step.
+/// Input of the object to the contact in a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactInput {
-    /// What decides where the object goes.
+    /// Determines the motion of the object.
     pub drive: Drive,
-    /// Where it is guided to.
+    /// Commanded pose.
     pub pose: Pose,
-    /// How far its lowest point is from its reference point, in mm.
+    /// Offset of its lowest point from its reference point, in mm.
     pub roll_mm: Vec2,
-    /// External load on it, besides the pads.
+    /// External load on it, in addition to the pads.
     pub wrench: Wrench,
 }
 
@@ -48,18 +48,18 @@ impl ContactInput {
     }
 }
 
-/// Something that a hand holds. `Send`, so that a hand can be owned by any thread.
+/// A held object. `Send`, so that a hand can be owned by any thread.
 pub trait HeldObject: std::fmt::Debug + Send {
-    /// Where it is before anything touches it.
+    /// Its pose before the first contact.
     fn start_pose(&self) -> Pose;
 
-    /// What the right finger feels.
+    /// Relation of the right finger's contact to the left one's.
     fn symmetry(&self) -> Symmetry;
 
-    /// What it puts into the contact in a step of `step_s` seconds, from where the last one left it.
+    /// Its input to the contact in a step of `step_s` seconds, starting from the state after the last step.
     fn contact_input(&mut self, contact: &Truth, hand: HandState, step_s: f64) -> ContactInput;
 
-    /// Takes over the result of the step. `slid_mm` is how far the object has slid over the pads in all.
+    /// Takes the result of the step. `slid_mm` is the total sliding distance of the object over the pads.
     fn after_step(&mut self, contact: &Truth, hand: HandState, step_s: f64, slid_mm: f64);
 
     /// Whether it is no longer between the fingers.
@@ -67,6 +67,6 @@ pub trait HeldObject: std::fmt::Debug + Send {
         false
     }
 
-    /// What is true of it.
+    /// Its ground truth.
     fn truth(&self) -> ObjectTruth;
 }

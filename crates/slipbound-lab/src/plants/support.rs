@@ -1,10 +1,10 @@
-//! What carries an object from below, its weight, and small sums that bottle and tool share.
+//! Support of an object from below, its weight, and small sums that bottle and tool share.
 
 use crate::contact::{Inertia, Pose, Springs, Truth, Wrench};
 use crate::scenes::GRAVITY_MM_PER_S2;
 use slipbound::plane::Vec2;
 
-/// Way over the pads after which something held is no longer held, in mm.
+/// Sliding distance over the pads after which an object counts as lost, in mm.
 pub(super) const LOST_AFTER_MM: f64 = 15.0;
 
 /// Weight in N of a mass in kg.
@@ -12,39 +12,39 @@ pub(super) fn weight_n(mass_kg: f64) -> f64 {
     mass_kg * GRAVITY_MM_PER_S2 * 1e-3
 }
 
-/// Two feet over a flat ground that pushes back as springs do and pulls at nothing.
+/// Two feet over a flat ground that pushes back like springs and never pulls.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Feet {
-    /// Where they are on the object, in mm.
+    /// Their positions on the object, in mm.
     pub feet_mm: [Vec2; 2],
     /// Stiffness under each, in N/mm.
     pub stiffness_n_per_mm: f64,
-    /// How far below the start of the hand the ground is, in mm.
+    /// Distance of the ground below the start of the hand, in mm.
     pub ground_mm: f64,
 }
 
 impl Feet {
-    /// From the object's reference point, with the object turned as it is.
+    /// Positions relative to the object's reference point, for the object's rotation.
     fn levers_mm(&self, turn_rad: f64) -> [Vec2; 2] {
         let (s, c) = libm::sincos(turn_rad);
         self.feet_mm.map(|foot| Vec2::new(c * foot.x - s * foot.y, s * foot.x + c * foot.y))
     }
 
-    /// How far the feet are above the ground, in mm; negative where the springs give.
+    /// Gaps between the feet and the ground, in mm; negative if the springs are compressed.
     pub fn gaps_mm(&self, pose: Pose, lowered_mm: f64) -> [f64; 2] {
         let down_mm = pose.position_mm.x + lowered_mm;
         self.levers_mm(pose.turn_rad).map(|lever| self.ground_mm - down_mm - lever.x)
     }
 
-    /// What the ground pushes with under each foot, in N.
+    /// Force of the ground under each foot, in N.
     pub fn forces_n(&self, pose: Pose, lowered_mm: f64) -> [f64; 2] {
         self.gaps_mm(pose, lowered_mm).map(|gap_mm| (-gap_mm).max(0.0) * self.stiffness_n_per_mm)
     }
 
-    /// The springs of a step and their force where the object now is. A foot counts when it is going to be on the
-    /// ground at the end of the step: moving over the pads as it did in the last one (`moved`), or falling. One that
-    /// stands counts for a step more, whatever it did last: let go too early it would fall into the ground. Guessed
-    /// wrong, it comes down, or leaves, a step late.
+    /// The springs of a step and their force at the object's present pose. A foot counts if it will be on the ground at
+    /// the end of the step: moving over the pads as in the last step (`moved`), or falling. A foot on the ground counts
+    /// for one more step, whatever its last motion: released too early it would fall into the ground. With a wrong
+    /// guess it touches down, or leaves, a step late.
     pub fn springs(&self, contact: &Truth, moved: Pose, lowered_mm: f64, step_s: f64) -> (Springs, Wrench) {
         let (mut springs, mut push) = (Springs::default(), Wrench::default());
         let pose = contact.pose;
@@ -56,7 +56,7 @@ impl Feet {
                 continue;
             }
             let k = self.stiffness_n_per_mm;
-            let along = [1.0, 0.0, -lever.y]; // how the foot goes down as the object moves
+            let along = [1.0, 0.0, -lever.y]; // lowering of the foot as the object moves
             for (i, row) in springs.stiffness.iter_mut().enumerate() {
                 for (j, entry) in row.iter_mut().enumerate() {
                     *entry += k * along[i] * along[j];

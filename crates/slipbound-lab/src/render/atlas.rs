@@ -1,19 +1,19 @@
-//! The skin as it was printed and woven: darkness of the dots and brightness of the threads, over the gel at rest.
+//! The printed and woven skin: darkness of the dots and brightness of the threads, over the gel at rest.
 
 use super::CameraSettings;
 use crate::random::Random;
 use slipbound::pixels::wide::wide;
 use slipbound::plane::Vec2;
 
-/// Distance of the texels in mm: a quarter of the edge of a dot and finer than any pixel.
+/// Spacing of the texels in mm: a quarter of the edge of a dot and finer than any pixel.
 const TEXEL_MM: f32 = 0.025;
 
-/// Added to a number below it, this leaves the whole part in the low bits of the sum.
+/// Added to a smaller number, this leaves the integer part in the low bits of the sum.
 const WHOLE: f32 = (1 << 23) as f32;
 const WHOLE_MASK: u32 = (1 << 23) - 1;
 
-/// What is looked up for a row of pixels: number of the texel, shares of the ones right and below, the texel and the one to its
-/// right, and the two below these.
+/// Lookup of a row of pixels: index of the texel, weights of the texels to the right and below, the texel and its right
+/// neighbour, and the two below these.
 #[derive(Debug, Clone)]
 struct Row {
     place: Vec<u32>,
@@ -28,7 +28,7 @@ pub(super) struct Atlas {
     half_mm: [f32; 2],
     columns: usize,
     rows: usize,
-    /// By twos: darkness of dots 0 to 255, brightness of threads 1 to 255, 128 being neutral.
+    /// Interleaved: darkness of dots 0 to 255, brightness of threads 1 to 255, 128 is neutral.
     texels: Vec<u8>,
     row: Row,
     markers_mm: Vec<Vec2>,
@@ -37,7 +37,7 @@ pub(super) struct Atlas {
 impl Atlas {
     /// Prints the dots and weaves the fabric.
     pub fn new(settings: &CameraSettings, random: &mut Random) -> Self {
-        // The gel, and what is stretched into view from beyond it.
+        // The gel, and the part that may be stretched into view from beyond it.
         let half_mm = [settings.gel_half_mm.x as f32 + 4.0, settings.gel_half_mm.y as f32 + 4.0];
         let [columns, rows] = half_mm.map(|half| (2.0 * half / TEXEL_MM).ceil() as usize + 1);
         assert!(columns * rows < 1 << 23, "a skin of {columns} x {rows} texels");
@@ -50,7 +50,7 @@ impl Atlas {
         atlas
     }
 
-    /// Where the dots are, row by row.
+    /// Positions of the dots, row by row.
     pub fn markers_mm(&self) -> &[Vec2] {
         &self.markers_mm
     }
@@ -77,13 +77,13 @@ impl Atlas {
         Vec2::new(column * step - f64::from(self.half_mm[0]), row * step - f64::from(self.half_mm[1]))
     }
 
-    /// A plain weave: threads along x and along y, over and under by turns, each a little brighter or darker.
+    /// A plain weave: threads along x and along y, alternately over and under, each slightly brighter or darker.
     fn weave(&mut self, settings: &CameraSettings, random: &mut Random) {
         let thread_mm = settings.texture.thread_mm;
         let threads = (2.0 * f64::from(self.half_mm[0].max(self.half_mm[1])) / thread_mm) as usize + 2;
         let mut tones = || -> Vec<f64> { (0..threads).map(|_| random.between(-0.2, 0.2)).collect() };
         let (tones_x, tones_y) = (tones(), tones());
-        // Number of the thread and height of its bow, for every column and every row of texels.
+        // Index of the thread and height of its bow, for every column and every row of texels.
         let along = |half_mm: f32, count: usize| -> Vec<(usize, f64)> {
             let from_mm = |texel: usize| texel as f64 * f64::from(TEXEL_MM) - f64::from(half_mm);
             let in_threads = |texel: usize| (from_mm(texel) + f64::from(half_mm)) / thread_mm;
@@ -141,14 +141,14 @@ impl Atlas {
 }
 
 wide! {
-    /// Where points lie along one side of the skin, in texels.
+    /// Position of points along one side of the skin, in texels.
     fn texel_at(at_mm: &[f32], half_mm: f32, last: f32, texel: &mut [f32]) {
         for (texel, at_mm) in texel.iter_mut().zip(at_mm) {
             *texel = bounded((at_mm + half_mm) * (1.0 / TEXEL_MM), last);
         }
     }
 
-    /// The numbers of texels, of which their places keep what is left over.
+    /// The indices of texels; the positions keep the fractional part.
     fn number_of(x: &mut [f32], y: &mut [f32], stride: f32, number: &mut [u32]) {
         for (number, (x, y)) in number.iter_mut().zip(x.iter_mut().zip(y)) {
             let (column, row) = (whole(*x), whole(*y));
@@ -157,15 +157,15 @@ wide! {
         }
     }
 
-    /// Texels by their numbers, each with its right neighbour. A loop of its own, for short ones have more loads under way: what they
-    /// load is rarely in a near cache.
+    /// Texels by their indices, each with its right neighbour. A separate loop, because a short loop keeps more loads
+    /// in flight, and the loaded data is rarely in a near cache.
     fn look_up(texels: &[u8], numbers: &[u32], pairs: &mut [u32]) {
         for (pair, number) in pairs.iter_mut().zip(numbers) {
             *pair = pair_at(texels, *number);
         }
     }
 
-    /// Dots and threads between four texels each.
+    /// Dots and threads, interpolated between four texels each.
     #[allow(clippy::too_many_arguments)] // slices of one length
     fn mixed(upper: &[u32], lower: &[u32], x: &[f32], y: &[f32], dots: &mut [f32], threads: &mut [f32]) {
         let four = upper.iter().zip(lower).zip(x.iter().zip(y));
@@ -176,7 +176,7 @@ wide! {
     }
 }
 
-/// What lies `shift` bits from the bottom of two pairs of texels, mixed.
+/// The value `shift` bits from the bottom of two pairs of texels, interpolated.
 #[inline(always)]
 fn between(upper: u32, lower: u32, shift: u32, fx: f32, fy: f32) -> f32 {
     let level = |pair: u32, at: u32| ((pair >> (at + shift)) & 255) as i32 as f32;
@@ -185,7 +185,7 @@ fn between(upper: u32, lower: u32, shift: u32, fx: f32, fy: f32) -> f32 {
     a + (b - a) * fy
 }
 
-/// The nearest whole number, a half away from 0, as `f64::round` says, which without the instruction for it is a call.
+/// The nearest integer, halves away from 0, as `f64::round`, which is a function call without the instruction for it.
 #[inline(always)]
 fn nearest(x: f64) -> i32 {
     let towards_0 = x as i32;
@@ -193,14 +193,14 @@ fn nearest(x: f64) -> i32 {
     towards_0 + i32::from(rest >= 0.5) - i32::from(rest <= -0.5)
 }
 
-/// Not below 0 and not above `most`.
+/// Clamped to 0 and `most`.
 #[inline(always)]
 fn bounded(x: f32, most: f32) -> f32 {
     let x = if x > 0.0 { x } else { 0.0 };
     if x < most { x } else { most }
 }
 
-/// The whole number below, or next to it where that is as good: x must be from 0 to a million.
+/// The integer below, or next to it where that is as good: x must be from 0 to a million.
 #[inline(always)]
 fn whole(x: f32) -> f32 {
     let near = (x + WHOLE) - WHOLE;

@@ -1,4 +1,5 @@
-//! Which piece of the gel is seen where, how it slopes and how it is pressed: once a frame, at nodes a few pixels apart.
+//! Which piece of the gel is seen at which pixel, its slope and its pressure: computed once a frame, at nodes a few
+//! pixels apart.
 //!
 //! ```text
 //!   cells (displacement, its slope, pressure) --Newton--> nodes of the camera image --straight lines--> pixels of a row
@@ -12,26 +13,26 @@ use slipbound::image::SizePx;
 use slipbound::pixels::wide::wide;
 use slipbound::plane::Vec2;
 
-/// Nodes are at most this far apart on the gel, in mm: a cell of the contact.
+/// Largest distance between nodes on the gel, in mm: a cell of the contact.
 const NODE_MM: f64 = 0.4;
-/// Newton steps at a node, and the step in mm that is the last: it leaves less than a third of itself, 0.0004 px, as
-/// slopes of the gel differ by less than that from cell to cell.
+/// Most Newton steps at a node, and the step in mm after which the iteration ends: the remaining error is less than a
+/// third of it, 0.0004 px, as slopes of the gel differ by less than that from cell to cell.
 const STEPS_COUNT: usize = 12;
 const NEAR_MM: f32 = 1e-4;
 /// How far the gel may be stretched into view from beyond its border, in mm.
 pub(super) const BEYOND_MM: f64 = 2.0;
 
-/// Rows of nodes that are looked at side by side.
+/// Rows of nodes that are processed together.
 const ROWS: usize = 4;
 
-/// What a pixel is made from: place of the piece seen on the gel at rest (x, y in mm), slope of its depth along x and
+/// Inputs of a pixel: position of the visible piece on the gel at rest (x, y in mm), slope of its depth along x and
 /// along y, contrast of the texture.
 pub(super) const LANES: usize = 5;
 
 /// Displacement x, y and depth in mm, slope of the depth along x and y, pressure in MPa; two spare lanes.
 type Cell = [f32; 8];
 
-/// Where a node is and what never changes there.
+/// Constants of a node.
 #[derive(Debug, Clone, Copy)]
 struct Site {
     plane_mm: [f32; 2],
@@ -46,7 +47,7 @@ struct Contrast {
     gain: f32,
 }
 
-/// Where the last node of a row found its piece of gel, from the node, and how that changed from the one before it.
+/// Offset from the last node of a row to its piece of gel, and the change of this offset from the node before.
 #[derive(Debug, Clone, Copy, Default)]
 struct Track {
     off: [f32; 2],
@@ -58,17 +59,17 @@ struct Track {
 pub(super) struct Nodes {
     /// Pixels from node to node along x.
     step_px: usize,
-    /// Rows of pixels that have nodes, and for each row of pixels the last of them at or above it.
+    /// Rows of pixels that have nodes, and for each row of pixels the last of these at or above it.
     rows_px: Vec<usize>,
     above: Vec<usize>,
     columns: usize,
     sites: Vec<Site>,
-    /// Columns of each row of nodes that a pixel on the gel asks for.
+    /// Columns of each row of nodes that pixels on the gel need.
     used: Vec<std::ops::Range<usize>>,
     lanes: [Vec<f32>; LANES],
     line: [Vec<f32>; LANES],
     cells: Vec<Cell>,
-    /// The cells of the frame before, and its grid.
+    /// The cells of the previous frame, and its grid.
     before: Vec<Cell>,
     grid: Option<Grid>,
 }
@@ -127,7 +128,8 @@ impl Nodes {
         }
     }
 
-    /// Looks at every node of the gel. Returns whether the gel has moved since the last look; if not, nodes stay as they are.
+    /// Updates every node of the gel. Returns whether the gel has moved since the last call; if not, nodes are
+    /// unchanged.
     pub fn look(&mut self, surface: &Surface, texture: &Texture) -> bool {
         std::mem::swap(&mut self.cells, &mut self.before);
         self.take(surface);
@@ -147,7 +149,7 @@ impl Nodes {
         true
     }
 
-    /// The cells in one place each, with the slope of the depth.
+    /// Gathers the data of each cell, with the slope of the depth.
     fn take(&mut self, surface: &Surface) {
         let (width, height) = (surface.grid.width_cells, surface.grid.height_cells);
         let per_mm = 0.5 / surface.grid.cell_mm;
@@ -171,8 +173,8 @@ impl Nodes {
         }));
     }
 
-    /// The lanes of a row of pixels, written from `span.start` rounded down to a node on; `out` is that much wider
-    /// than the image.
+    /// The lanes of a row of pixels, written from the node at or before `span.start` on; `out` is wider than the image
+    /// by as much.
     pub fn spread(&mut self, y: usize, span: std::ops::Range<usize>, out: &mut [Vec<f32>; LANES]) {
         let (step_x, row) = (self.step_px, self.above[y]);
         let share = (y - self.rows_px[row]) as f32 / (self.rows_px[row + 1] - self.rows_px[row]) as f32;
@@ -196,8 +198,8 @@ impl Nodes {
 }
 
 wide! {
-    /// Looks at some rows of nodes, `sites` from their first on, which is number `first`. A node waits for the one before it in
-    /// its row, where its first guess comes from, but not for those of other rows: so they take turns.
+    /// Updates some rows of nodes; `sites` starts at the first of them, which has index `first`. A node depends on the
+    /// one before it in its row, which gives its first guess, but not on other rows, so the rows are interleaved.
     #[allow(clippy::too_many_arguments)] // parts of the nodes
     fn look_along(
         field: &Field<'_>,
@@ -221,7 +223,7 @@ wide! {
                 let (site, Track { off, change }) = (&sites[i], *track);
                 let (piece, cell) = field.seen(site, [off[0] + change[0], off[1] + change[1]]);
                 let now = [piece[0] - site.plane_mm[0], piece[1] - site.plane_mm[1]];
-                // The first guess goes on as the last two nodes did.
+                // The first guess is extrapolated from the last two nodes.
                 *track = Track { off: now, change: [now[0] - off[0], now[1] - off[1]] };
                 let pressed = if cell[5] > 0.0 { 1.0 - libm::expf(cell[5] * contrast.per_mpa) } else { 0.0 };
                 let values = [piece[0], piece[1], cell[3], cell[4], contrast.rest + contrast.gain * pressed];
@@ -230,7 +232,7 @@ wide! {
         }
     }
 
-    /// Straight lines between nodes, N pixels each.
+    /// Linear interpolation between nodes, N pixels each.
     fn between<const N: usize>(nodes: &[f32], out: &mut [f32]) {
         for (pair, out) in nodes.windows(2).zip(out.chunks_exact_mut(N)) {
             let (a, step) = (pair[0], (pair[1] - pair[0]) * (1.0 / N as f32));
@@ -241,12 +243,12 @@ wide! {
     }
 }
 
-/// The cells as a field over the gel at rest: bilinear between their middles, beyond the outermost ones theirs.
+/// The cells as a field over the gel at rest: bilinear between cell centres, constant beyond the outermost ones.
 struct Field<'a> {
     cells: &'a [Cell],
     width: usize,
     per_mm: f32,
-    /// Place of the first cell's middle and number of the last cell but one, along x and y.
+    /// Centre of the first cell and index of the last cell, along x and y.
     origin_mm: [f32; 2],
     last: [f32; 2],
 }
@@ -263,7 +265,7 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// The four cells around a place and how far it is between them.
+    /// The four cells around a position and its fractions between them.
     #[inline(always)]
     fn around(&self, [x, y]: [f32; 2]) -> ([&Cell; 4], [f32; 2]) {
         let place = |at: f32, axis: usize| {
@@ -277,15 +279,15 @@ impl<'a> Field<'a> {
         ([&above[0], &above[1], &below[0], &below[1]], [fx, fy])
     }
 
-    /// The piece of gel that seems to be at a site, and what the cells say there. The seen place of a piece is
-    /// `X + shift + parallax depth`; Newton's method from the site, shifted as the node before was.
+    /// The piece of gel that is visible at a site, and the interpolated cell there. The apparent position of a piece is
+    /// `X + shift + parallax depth`; Newton's method from the site, offset like the previous node.
     #[inline(always)]
     fn seen(&self, site: &Site, off: [f32; 2]) -> ([f32; 2], Cell) {
         let ([px, py], [kx, ky]) = (site.plane_mm, site.parallax);
         let mut at = [px + off[0], py + off[1]];
         for _ in 0..STEPS_COUNT {
             let ([a, b, c, d], [fx, fy]) = self.around(at);
-            // x, y and depth; the fourth lane, which is not asked for, makes whole vectors of them.
+            // x, y and depth; the unused fourth lane fills the vector.
             let along = |k: usize| ((b[k] - a[k]) * (1.0 - fy) + (d[k] - c[k]) * fy) * self.per_mm;
             let upper: [f32; 4] = std::array::from_fn(|k| a[k] + (b[k] - a[k]) * fx);
             let lower: [f32; 4] = std::array::from_fn(|k| c[k] + (d[k] - c[k]) * fx);

@@ -1,10 +1,10 @@
-//! What is done with every pixel of a row: light, blur, noise. Each colour is a row of its own until the last step.
+//! Operations on every pixel of a row: light, blur, noise. Each colour is a row of its own until the last step.
 //!
 //! ```text
 //!   light, skin --lit--> blurred along --five rows--> blurred across --noisy--> bytes --woven--> red green blue red ...
 //! ```
 //!
-//! All kernels are compiled for each width of vectors, with the same bits, see [`slipbound::pixels::wide`].
+//! All kernels are compiled for each vector width, with the same bits, see [`slipbound::pixels::wide`].
 
 use slipbound::pixels::wide::wide;
 
@@ -19,13 +19,13 @@ pub(super) struct Skin<'a> {
     pub threads: &'a [f32],
     /// Darkness of the dots, 0 to 1.
     pub dots: &'a [f32],
-    /// How much of a pixel is gel, 0 to 1.
+    /// Gel coverage of a pixel, 0 to 1.
     pub gel: &'a [f32],
 }
 
 wide! {
-    /// The light of one colour that comes from the gel: `light * (1 + shade + texture) * (1 - dot)`. `toward`: what a slope along x
-    /// and y adds to the light.
+    /// The light of one colour from the gel: `light * (1 + shade + texture) * (1 - dot)`. `toward`: change of the light
+    /// by a slope along x and y.
     pub(super) fn lit(skin: Skin<'_>, toward: [f32; 2], darkness: f32, light: &[f32], out: &mut [f32]) {
         let Skin { slope: [slope_x, slope_y], contrast, threads, dots, gel } = skin;
         let shape = slope_x.iter().zip(slope_y).zip(contrast.iter().zip(threads));
@@ -37,7 +37,7 @@ wide! {
         }
     }
 
-    /// Blurs a row along itself by five taps; its outermost two pixels are left as they are.
+    /// Blurs a row along x by five taps; its outermost two pixels are unchanged.
     pub(super) fn blurred_along(from: &[f32], taps: [f32; 3], to: &mut [f32]) {
         let [middle, near, far] = taps;
         let inner = from.len() - 4;
@@ -50,7 +50,7 @@ wide! {
         }
     }
 
-    /// Blurs five rows across.
+    /// Blurs across five rows.
     pub(super) fn blurred_across(rows: [&[f32]; 5], taps: [f32; 3], levels: &mut [f32]) {
         let ([a, b, c, d, e], [middle, near, far]) = (rows, taps);
         let five = a.iter().zip(b).zip(c).zip(d).zip(e);
@@ -66,12 +66,12 @@ wide! {
             let noisy = level + noise_levels * (lit * (1.0 / 128.0)).sqrt() * noise;
             let held = if noisy > 0.0 { noisy } else { 0.0 };
             let held = if held < 255.0 { held } else { 255.0 };
-            // The sum has the nearest whole number in its lowest bits.
+            // The lowest bits of the sum are the nearest integer.
             *out = (held + (1 << 23) as f32).to_bits() as u8;
         }
     }
 
-    /// Red, green and blue in turns.
+    /// Interleaves red, green and blue.
     pub(super) fn woven(red: &[u8], green: &[u8], blue: &[u8], rgb: &mut [u8]) {
         for (rgb, ((red, green), blue)) in rgb.chunks_exact_mut(3).zip(red.iter().zip(green).zip(blue)) {
             (rgb[0], rgb[1], rgb[2]) = (*red, *green, *blue);

@@ -1,4 +1,4 @@
-//! What a simulated camera and the skin it looks at are made of; the two fingers we know.
+//! Settings of a simulated camera and its skin; the two fingers we know.
 
 use super::surroundings_kind::Surroundings;
 use crate::contact::{GelEdge, Grid};
@@ -7,21 +7,21 @@ use slipbound::image::SizePx;
 use slipbound::plane::{Homography, Vec2};
 use slipbound::sensor::{EdgeBand, Flip, Polarity, Rectification, Sensor, Skin};
 
-/// Radius of the rounded edge of a gel, in mm. An estimate: so the load of a contact that reaches the edge is within a tenth of that
-/// of a gel that ends there, for the layer that is computed drags some gel beyond its edge along.
+/// Radius of the rounded edge of a gel, in mm. An estimate: the load of a contact that reaches the edge is then within
+/// a tenth of that of a gel that ends there, because the computed layer drags some gel beyond its edge along.
 const GEL_EDGE_RADIUS_MM: f64 = 3.0;
 
-/// Everything a camera image depends on beside what touches the gel and the seeds.
+/// Everything an image depends on, except the contact and the seeds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSettings {
-    /// What the method is told about this finger, at the size of the camera image; its pitch in mm is known.
+    /// The facts of this finger for the method, at the size of the camera image; its pitch in mm is known.
     pub sensor: Sensor,
-    /// Where the camera is: x and y in the finger frame, and its height over the surface of the gel, in mm.
+    /// Position of the camera: x and y in the finger frame, and its height over the surface of the gel, in mm.
     pub eye_mm: [f64; 3],
     /// Refractive index of gel and lens; 1 and above.
     pub refractive_index: f64,
-    /// Half the size of the gel, in mm; beyond it nothing touches and the housing shows.
+    /// Half the size of the gel, in mm; beyond it nothing touches and the housing is visible.
     pub gel_half_mm: Vec2,
     /// The markers.
     pub dots: Dots,
@@ -29,7 +29,7 @@ pub struct CameraSettings {
     pub texture: Texture,
     /// The light.
     pub light: Light,
-    /// What lies around the gel and on its lens.
+    /// Surroundings of the gel, and dirt on its lens.
     pub surroundings: Surroundings,
     /// Standard deviation of the optical blur in px of the camera image, 0.3 to 1.2.
     pub blur_px: f64,
@@ -51,13 +51,13 @@ pub struct Dots {
     pub rows_count: usize,
     /// Radius in mm.
     pub radius_mm: f64,
-    /// Standard deviation of the place along x and along y, in mm.
+    /// Standard deviation of the position along x and along y, in mm.
     pub jitter_mm: f64,
     /// Standard deviation of the radius in mm.
     pub radius_jitter_mm: f64,
     /// Width over which the edge of a dot fades, in mm.
     pub edge_mm: f64,
-    /// Share of the light that a dot swallows, 0 to 1.
+    /// Share of the light that a dot absorbs, 0 to 1.
     pub darkness_fraction: f64,
 }
 
@@ -82,18 +82,19 @@ pub struct Light {
     /// Levels over the rectified image, per channel, as a polynomial of degree 4 in (u, v), which run from -1 to 1
     /// over its width and height: coefficients of 1, u, v, u2, uv, v2, u3, u2v, uv2, v3, u4, u3v, u2v2, uv3, v4.
     pub background_levels: [[f64; 15]; 3],
-    /// l: how each channel answers to the gradient of the depth along x and along y.
+    /// l: sensitivity of each channel to the gradient of the depth along x and along y.
     pub toward: [[f64; 2]; 3],
     /// Strength of the shading.
     pub shade: f64,
     /// Levels of the glare at the far edge of the gel (greatest y), per channel.
     pub glare_levels: [f64; 3],
-    /// Levels beyond the gel where the surroundings are a housing, per channel.
+    /// Levels beyond the gel if the surroundings are a housing, per channel.
     pub housing_levels: [f64; 3],
 }
 
 impl CameraSettings {
-    /// A camera by the words of a scene; any other camera is a GelSlim's, any other surroundings are the camera's own.
+    /// A camera by the words of a scene; any unknown camera is a GelSlim, any unknown surroundings are the camera's
+    /// own.
     pub(crate) fn of_words(camera: &str, surroundings: &str) -> Self {
         let mut settings = match camera {
             "gelsight_mini" => CameraSettings::gelsight_mini(),
@@ -105,10 +106,10 @@ impl CameraSettings {
 
     /// GelSlim of the paper at 640 x 480, finger gs1: the facts of `sensors/gelslim.toml` at that size.
     ///
-    /// Optics from the published homography: the camera is at 40 degrees, 36 mm over the gel. Pitch 1.5 mm and dots
-    /// of 0.5 mm are assumed, as in the sensor file. Light: chosen so that medians of the picture agree with those
-    /// of the released one (green 204 top right, 126 top left, 148 middle right, 118 bottom; red 63 top left, falling
-    /// to 0; blue 13 to 21). Texture: settled by looking and then left alone; see docs/simulator.md.
+    /// Optics from the published homography: the camera is at 40 degrees, 36 mm over the gel. Pitch 1.5 mm and dots of
+    /// 0.5 mm are assumed, as in the sensor file. Light: chosen so that medians of the image match those of the
+    /// released one (green 204 top right, 126 top left, 148 middle right, 118 bottom; red 63 top left, falling to 0;
+    /// blue 13 to 21). Texture: chosen by eye; see docs/simulator.md.
     pub fn gelslim() -> Self {
         let facts = Sensor {
             name: "gelslim_sim".into(),
@@ -137,7 +138,7 @@ impl CameraSettings {
             defects_px: Vec::new(),
             shear: None,
         };
-        // The released thresholds, which suit the simulated weave at this size.
+        // The released thresholds, which also fit the simulated weave at this size.
         let edge_bands = vec![
             EdgeBand { rows_to_fraction: 0.8875, low_levels: 90, high_levels: 120 },
             EdgeBand { rows_to_fraction: 1.0, low_levels: 50, high_levels: 70 },
@@ -178,9 +179,9 @@ impl CameraSettings {
     }
 
     /// GelSight Mini with its marker gel at 640 x 480, the whole view: dots, spacing and light of
-    /// `sensors/gelsight_mini_wide.toml`, whose recording is half that size. The pitch is that of a view of 18.6 mm, as the
-    /// maker states it; the gel is 25.25 x 20.75 mm, as public models of the finger have it. That the camera is 27 mm straight
-    /// over the gel is assumed.
+    /// `sensors/gelsight_mini_wide.toml`, whose recording has half that size. The pitch follows from a view of 18.6 mm,
+    /// as stated by the maker; the gel is 25.25 x 20.75 mm, as in public models of the finger. The camera position, 27
+    /// mm straight over the gel, is assumed.
     pub fn gelsight_mini() -> Self {
         CameraSettings {
             sensor: Sensor {
@@ -222,7 +223,7 @@ impl CameraSettings {
                 glare_levels: [0.0; 3],
                 housing_levels: [20.0, 24.0, 24.0],
             },
-            surroundings: Surroundings::Housing, // its gel fills the picture
+            surroundings: Surroundings::Housing, // its gel fills the image
             blur_px: 0.9,
             noise_levels: 2.5,
             glints: false,
@@ -230,14 +231,15 @@ impl CameraSettings {
         }
     }
 
-    /// Where the gel ends for what touches it; None where that is beyond the grid of the contact.
+    /// Edge of the gel for the contact; None if it is beyond the grid of the contact.
     pub(crate) fn gel_edge(&self, grid: &Grid) -> Option<GelEdge> {
         let (half_mm, room_mm) = (self.gel_half_mm, grid.half_size_mm());
         (half_mm.x < room_mm.x || half_mm.y < room_mm.y).then_some(GelEdge { half_mm, radius_mm: GEL_EDGE_RADIUS_MM })
     }
 
-    /// The same camera with another number of rows and the same field of view: 320 are those of the released GelSlim frames, 240 those
-    /// of `sensors/gelsight_mini_wide.toml`. The blur is the lens's and shrinks with the picture, to 0.3 px at least; noise is of a pixel and stays.
+    /// The same camera with another number of rows and the same field of view: 320 are those of the released GelSlim
+    /// frames, 240 those of `sensors/gelsight_mini_wide.toml`. The blur of the lens shrinks with the image, to 0.3 px
+    /// at least; the noise per pixel does not change.
     pub(crate) fn at_height(self, height_px: usize) -> Self {
         let size = self.sensor.image_px;
         let width_px = (size.width * height_px + size.height / 2) / size.height;

@@ -1,9 +1,9 @@
-//! The surface of the gel as the contact leaves it.
+//! The surface of the gel, as computed by the contact.
 
 use crate::contact::{Displacement, Grid};
 use slipbound::plane::Vec2;
 
-/// What a camera needs to know of the gel: displacement and pressure of every cell.
+/// Input of a camera: displacement and pressure of every cell.
 #[derive(Debug, Clone, Copy)]
 pub struct Surface<'a> {
     /// The cells.
@@ -15,8 +15,8 @@ pub struct Surface<'a> {
 }
 
 impl<'a> Surface<'a> {
-    /// Displacement of the piece that lies at `rest_mm` when nothing touches it: bilinear between the middles of
-    /// cells; beyond the outermost ones, theirs.
+    /// Displacement of the piece that is at `rest_mm` without contact: bilinear between cell centres, constant beyond
+    /// the outermost ones.
     pub fn displacement_at(&self, rest_mm: Vec2) -> Displacement {
         let mut sum = Displacement::default();
         for (cell, share) in self.around(rest_mm) {
@@ -31,7 +31,7 @@ impl<'a> Surface<'a> {
         self.around(rest_mm).iter().map(|&(cell, share)| self.pressure_mpa[cell] * share).sum()
     }
 
-    /// The four cells around a point and their shares of it.
+    /// The four cells around a point and their weights.
     fn around(&self, rest_mm: Vec2) -> [(usize, f64); 4] {
         let half = self.grid.half_size_mm();
         let place = |at_mm: f64, half_mm: f64, cells: usize| {

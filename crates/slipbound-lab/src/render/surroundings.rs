@@ -1,4 +1,4 @@
-//! What a picture shows that is not the gel's own light: walls, glare, highlights, dirt. Drawn once for a camera.
+//! Image content other than the gel's own light: walls, glare, highlights, dirt. Drawn once per camera.
 //!
 //! ```text
 //!     wall, bright, textured, mirrors the dots     z up the wall
@@ -10,7 +10,7 @@
 //!   \  .   .   .   . --scratch--  .  /
 //! ```
 //!
-//! All is procedural: no picture of a real camera went into it.
+//! Everything is procedural: no image of a real camera was used.
 
 use super::settings::CameraSettings;
 use super::surroundings_kind::Surroundings;
@@ -22,7 +22,7 @@ const FAR_LEVELS: [f64; 3] = [96.0, 216.0, 134.0];
 const LEFT_LEVELS: [f64; 3] = [186.0, 92.0, 42.0];
 const RIGHT_LEVELS: [f64; 3] = [48.0, 214.0, 92.0];
 const RIM_LEVELS: [f64; 3] = [196.0, 52.0, 40.0];
-/// Width of the rim and of the shadow that a side wall throws on the gel, in mm.
+/// Width of the rim and of the shadow of a side wall on the gel, in mm.
 const RIM_MM: f64 = 0.35;
 const SHADOW_MM: f64 = 1.2;
 /// Nodes of the grain along each side; a power of two.
@@ -35,14 +35,14 @@ struct Highlight {
     radius_mm: f64,
 }
 
-/// What lies around one gel, ready to be asked pixel by pixel.
+/// Surroundings of one gel, evaluated pixel by pixel.
 #[derive(Debug)]
 pub(super) struct Backdrop<'a> {
     settings: &'a CameraSettings,
     kind: Surroundings,
     grain: Vec<f64>,
     highlights: Vec<Highlight>,
-    /// Bright spots of lamps on the far wall: place along the wall and up it, half their size.
+    /// Bright spots of lamps on the far wall: position along the wall and up it, half their size.
     lamps_mm: Vec<(Vec2, Vec2)>,
     patch: Highlight,
     /// Middle of a scratch and the direction along it.
@@ -70,7 +70,7 @@ impl<'a> Backdrop<'a> {
                 (at, Vec2::new(random.between(1.0, 3.5), random.between(0.2, 0.5)))
             })
             .collect();
-        // Beside markers, off the middle, where most objects touch; the scratch opposite the dirt.
+        // Beside markers, off the middle, where most objects touch; the scratch opposite to the dirt.
         let angle = random.between(0.0, std::f64::consts::TAU);
         let mut beside = |angle: f64| {
             let far = Vec2::new(libm::cos(angle), libm::sin(angle)) * (0.62 * half.y / pitch_mm);
@@ -85,15 +85,15 @@ impl<'a> Backdrop<'a> {
         Backdrop { settings, kind: settings.surroundings, grain, highlights, lamps_mm, patch, scratch }
     }
 
-    /// How much of what is seen at a place in the plane is gel, 0 to 1: its border is half a millimetre soft. The near
-    /// border is out of sight, two millimetres farther.
+    /// Gel coverage at a position in the plane, 0 to 1: its border is half a millimetre soft. The near border is out of
+    /// sight, two millimetres farther away.
     pub fn gel(&self, plane_mm: Vec2) -> f64 {
         let half = self.settings.gel_half_mm;
         let across = if plane_mm.y > 0.0 { half.y - plane_mm.y } else { half.y + 2.0 + plane_mm.y };
         ((half.x - plane_mm.x.abs()).min(across) / 0.5 + 0.5).clamp(0.0, 1.0)
     }
 
-    /// The light of the gel, in levels, with what the walls and the lens add to it and take from it.
+    /// The light of the gel, in levels, as changed by the walls and the lens.
     pub fn on_gel(&self, plane_mm: Vec2, levels: [f64; 3]) -> [f64; 3] {
         let mut levels = levels;
         if self.kind.walls() {
@@ -117,7 +117,7 @@ impl<'a> Backdrop<'a> {
         }
         let half = self.settings.gel_half_mm;
         let (over, beside) = (plane_mm.y - half.y, plane_mm.x.abs() - half.x);
-        // The wall that the line of sight meets first is the one it has passed by more of its way.
+        // The line of sight meets first the wall that it has passed by the larger share of its length.
         let [eye_x, eye_y, eye_z] = self.settings.eye_mm;
         let share = |past: f64, way: f64| if past > 0.0 { past / way.abs().max(1e-6) } else { 0.0 };
         let (far, side) = (share(over, plane_mm.y - eye_y), share(beside, plane_mm.x - eye_x));
@@ -128,7 +128,7 @@ impl<'a> Backdrop<'a> {
         if self.kind.highlights() { self.highlit(plane_mm, levels) } else { levels }
     }
 
-    /// The far wall: `share` of the way from it to the point in the plane that is hidden by it.
+    /// The far wall: `share` of the way from the point in the plane that it hides to the eye.
     fn far(&self, plane_mm: Vec2, share: f64, eye_x_mm: f64) -> [f64; 3] {
         let up_mm = self.settings.eye_mm[2] * share;
         let wall = Vec2::new(plane_mm.x + (eye_x_mm - plane_mm.x) * share, up_mm);
@@ -143,7 +143,7 @@ impl<'a> Backdrop<'a> {
                 70.0 * bell(Vec2::new(d.x / half.x, d.y / half.y).length())
             })
             .sum();
-        // The wall mirrors the gel: its dots once more, beyond the border, wavy as the wall is and soon faint.
+        // The wall mirrors the gel: its dots appear again beyond the border, distorted by the wavy wall and soon faint.
         let bent = Vec2::new(self.grain(wall, 2.2), self.grain(wall * 1.3 + Vec2::new(7.0, 3.0), 2.2)) * 0.4;
         let mirrored = Vec2::new(plane_mm.x, 2.0 * self.settings.gel_half_mm.y - plane_mm.y) + bent;
         let dot = 0.55 * libm::exp(-up_mm / 2.5) * self.dot(mirrored);
@@ -159,7 +159,7 @@ impl<'a> Backdrop<'a> {
         levels.map(|level| level * tone)
     }
 
-    /// A dot of the regular grid at a place of the gel: 1 in it, 0 beside it.
+    /// A dot of the regular grid at a position of the gel: 1 in it, 0 beside it.
     fn dot(&self, at_mm: Vec2) -> f64 {
         let dots = &self.settings.dots;
         let pitch_mm = self.settings.sensor.pitch_mm.unwrap_or(1.5);
@@ -202,7 +202,7 @@ impl<'a> Backdrop<'a> {
         let (middle, along) = self.scratch;
         let d = plane_mm - middle;
         let (far, near) = (d.x * along.x + d.y * along.y, d.x * along.y - d.y * along.x);
-        // Beyond its ends, and where the exponential below has long been 0.
+        // Beyond its ends, and where the exponential below is practically 0.
         if far.abs() > 3.7 || near.abs() > 3.0 {
             return levels.map(|level| level * (1.0 - dirt));
         }
@@ -211,7 +211,7 @@ impl<'a> Backdrop<'a> {
         levels.map(|level| level * (1.0 - dirt) * (1.0 - 0.45 * line(0.0)) + 35.0 * line(0.15))
     }
 
-    /// Smooth chance between -1 and 1, `step_mm` from node to node.
+    /// Smooth noise between -1 and 1, `step_mm` from node to node.
     fn grain(&self, at_mm: Vec2, step_mm: f64) -> f64 {
         let (x, y) = (at_mm.x / step_mm + 512.0, at_mm.y / step_mm + 512.0);
         let (column, row) = (x.floor(), y.floor());
@@ -225,12 +225,12 @@ impl<'a> Backdrop<'a> {
     }
 }
 
-/// A bell of height 1 over distance in standard deviations.
+/// A Gaussian of height 1 over distance in standard deviations.
 pub(super) fn bell(distance: f64) -> f64 {
     libm::exp(-0.5 * distance * distance)
 }
 
-/// From 0 below 0 to 1 above 1, level at both ends.
+/// From 0 below 0 to 1 above 1, with zero slope at both ends.
 fn smooth(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

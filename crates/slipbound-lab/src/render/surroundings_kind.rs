@@ -2,13 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What lies around the gel and on its lens.
+/// Surroundings of the gel, and dirt on its lens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Surroundings {
     /// A dark housing of one colour.
     Housing,
-    /// Bright, textured walls that mirror the dots faintly, red at the left and green at the right, with a red rim and
+    /// Bright, textured walls that mirror the dots faintly, red on the left and green on the right, with a red rim and
     /// shadows on the gel.
     Walls,
     /// Walls, and along the far border two chains of highlights with dark middles, which look like dots but are off the
@@ -20,7 +20,7 @@ pub enum Surroundings {
     Full,
 }
 
-/// The words for surroundings in a scene: every kind, and `camera` for what the camera has by itself.
+/// The words for surroundings in a scene: every kind, and `camera` for the camera's own.
 pub(crate) const SURROUNDINGS: [&str; 6] = {
     let [a, b, c, d, e] = Surroundings::ALL;
     ["camera", a.name(), b.name(), c.name(), d.name(), e.name()]

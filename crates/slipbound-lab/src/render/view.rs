@@ -1,4 +1,4 @@
-//! Where the camera sees a point of the gel, and which point it sees at a pixel.
+//! Projection of a point of the gel to the camera image, and back from a pixel.
 //!
 //! ```text
 //!            eye o                      A point pressed to depth u_z (towards the camera) seems to lie at
@@ -15,7 +15,7 @@ use crate::render::CameraSettings;
 use slipbound::plane::{Homography, Vec2};
 use slipbound::sensor::{Flip, Sensor};
 
-/// Most rounds after which a point is taken to be found; each brings it nearer by the gradient of the displacement.
+/// Most iterations for a point; each reduces the error by the gradient of the displacement.
 const ROUNDS_COUNT: usize = 40;
 
 /// Geometry of the camera; px are of the camera image as delivered unless they are called rectified.
@@ -24,12 +24,12 @@ pub(super) struct View {
     eye_mm: [f64; 3],
     refractive_index: f64,
     mm_per_px: f64,
-    /// Middle of the rectified image, px.
+    /// Centre of the rectified image, px.
     middle_px: Vec2,
     crop_px: Vec2,
     upright_from_plane: Homography,
     plane_from_upright: Homography,
-    /// The camera image's last column where columns are mirrored, and last row where rows are.
+    /// The camera image's last column if columns are mirrored, and last row if rows are.
     mirror_px: [Option<f64>; 2],
 }
 
@@ -61,27 +61,27 @@ impl View {
         Vec2::new(self.mirror_px[0].map_or(p.x, |last| last - p.x), self.mirror_px[1].map_or(p.y, |last| last - p.y))
     }
 
-    /// Where a point of the plane of the gel lies in the rectified image.
+    /// Position of a point of the gel plane in the rectified image.
     pub fn rectified_from_plane(&self, at_mm: Vec2) -> Vec2 {
         at_mm / self.mm_per_px + self.middle_px
     }
 
-    /// Which point of the plane of the gel lies at a place of the rectified image, in mm.
+    /// Point of the gel plane at a position of the rectified image, in mm.
     pub fn plane_from_rectified(&self, px: Vec2) -> Vec2 {
         (px - self.middle_px) * self.mm_per_px
     }
 
-    /// Where a point of the plane of the gel lies in the camera image.
+    /// Position of a point of the gel plane in the camera image.
     pub fn camera_from_plane(&self, at_mm: Vec2) -> Vec2 {
         self.mirrored(self.upright_from_plane.apply(self.rectified_from_plane(at_mm) + self.crop_px))
     }
 
-    /// Which point of the plane of the gel lies at a place of the camera image, in mm.
+    /// Point of the gel plane at a position of the camera image, in mm.
     pub fn plane_from_camera(&self, px: Vec2) -> Vec2 {
         self.plane_from_rectified(self.plane_from_upright.apply(self.mirrored(px)) - self.crop_px)
     }
 
-    /// kappa: how far a point seems to move away from the eye, in mm for each mm of depth.
+    /// kappa: apparent displacement of a point away from the eye, in mm for each mm of depth.
     pub fn parallax(&self, at_mm: Vec2) -> Vec2 {
         let away = at_mm - Vec2::new(self.eye_mm[0], self.eye_mm[1]);
         let across = away.length();
@@ -89,14 +89,14 @@ impl View {
         away * (sine / ((1.0 - sine * sine).sqrt() * across.max(1e-9)))
     }
 
-    /// Where in the plane of the gel the piece seems to be that lies at `rest_mm` when nothing touches it.
+    /// Apparent position in the gel plane of the piece that is at `rest_mm` without contact.
     pub fn seen_at(&self, rest_mm: Vec2, surface: &Surface) -> Vec2 {
         let moved = surface.displacement_at(rest_mm);
         let there = rest_mm + moved.shift_mm;
         let mut seen = there;
         for _ in 0..ROUNDS_COUNT {
             let next = there + self.parallax(seen) * moved.depth_mm;
-            // What does not change to the last bit stays so.
+            // A value that is unchanged to the last bit stays unchanged.
             if next == seen {
                 break;
             }

@@ -1,14 +1,14 @@
-//! Centre against rim, after Dong, Yuan and Adelson (IROS 2017): slip comes in from the border of the contact, whose
+//! Centre against rim, after Dong, Yuan and Adelson (IROS 2017): slip starts at the border of the contact, whose
 //! markers then lag behind those of the middle.
 
 use super::detector::Detector;
 use super::reference::{LEAST_COUNT, Moved, Reference, middle_px};
 use slipbound::monitor::{SlipMonitor, SlipReport};
 
-/// Displacement that counts as none, in pitches: the ratio of two small numbers says nothing.
+/// Displacement added to both means, in pitches: the ratio of two small displacements contains no information.
 const NONE_PITCH: f64 = 0.05;
 
-/// Ratio above which it alarms. Ours, see docs/eval.md.
+/// Ratio above which it raises an alarm. Ours, see docs/eval.md.
 const THRESHOLD_RATIO: f64 = 1.4;
 
 /// Score: mean displacement of the third of the markers in contact nearest to its middle over that of the outermost
@@ -19,7 +19,7 @@ pub struct CentreRim {
     by_radius: Vec<(f64, f64)>,
 }
 
-/// Fills in radius and length of displacement, the smallest radius first.
+/// Fills in radius and displacement length, the smallest radius first.
 fn sort_by_radius(moved: &[Moved], into: &mut Vec<(f64, f64)>) {
     let middle_px = middle_px(moved);
     into.clear();
@@ -27,7 +27,7 @@ fn sort_by_radius(moved: &[Moved], into: &mut Vec<(f64, f64)>) {
     into.sort_by(|a, b| a.0.total_cmp(&b.0));
 }
 
-/// The ratio for markers by radius.
+/// The ratio for markers sorted by radius.
 fn ratio(by_radius: &[(f64, f64)], none_px: f64) -> f64 {
     let third = by_radius.len() / 3;
     let mean_px = |part: &[(f64, f64)]| part.iter().map(|m| m.1).sum::<f64>() / part.len() as f64;

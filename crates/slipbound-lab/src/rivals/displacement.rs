@@ -1,13 +1,13 @@
-//! The plainest rule: how far the markers in contact have moved.
+//! The simplest rule: displacement of the markers in contact.
 
 use super::detector::Detector;
 use super::reference::{LEAST_COUNT, Reference};
 use slipbound::monitor::{SlipMonitor, SlipReport};
 
-/// Mean displacement, in pitches, above which it alarms. Ours, see docs/eval.md.
+/// Mean displacement, in pitches, above which it raises an alarm. Ours, see docs/eval.md.
 const THRESHOLD_PITCH: f64 = 0.15;
 
-/// Score: length of the displacement of the markers in contact since the reference, mean over them, in pitches.
+/// Score: mean displacement length of the markers in contact since the reference, in pitches.
 #[derive(Debug, Clone, Default)]
 pub struct Displacement {
     reference: Reference,

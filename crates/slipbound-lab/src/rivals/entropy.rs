@@ -1,17 +1,17 @@
-//! Entropy of the displacement field, after Yuan, Li, Srinivasan and Adelson (ICRA 2015): while all of the contact sticks
-//! the markers move alike and the histogram of their displacement is narrow; partial slip spreads it.
+//! Entropy of the displacement field, after Yuan, Li, Srinivasan and Adelson (ICRA 2015): while the whole contact
+//! sticks the markers move alike and the histogram of their displacement is narrow; partial slip spreads it.
 
 use super::detector::Detector;
 use super::reference::{LEAST_COUNT, Reference};
 use slipbound::monitor::{SlipMonitor, SlipReport};
 
-/// Width of a bin in pitches. Ours: the paper gives none; some five times the noise of a marker.
+/// Width of a bin in pitches. Ours: the paper states none; some five times the noise of a marker.
 const BIN_PITCH: f64 = 0.05;
 
-/// Entropy in nats above which it alarms. Ours, see docs/eval.md.
+/// Entropy in nats above which it raises an alarm. Ours, see docs/eval.md.
 const THRESHOLD_NATS: f64 = 1.6;
 
-/// Bins; what is longer counts in the last.
+/// Number of bins; longer displacements count in the last one.
 const BINS_COUNT: usize = 64;
 
 /// Score: entropy in nats of the histogram of displacement lengths of the markers in contact. A marker is shared

@@ -1,5 +1,5 @@
-//! The imprint of the object against the markers, after Dong, Yuan and Adelson (IROS 2017): what the object draws
-//! into the gel moves with the object, the markers move with the gel.
+//! The imprint of the object against the markers, after Dong, Yuan and Adelson (IROS 2017): the imprint of the object
+//! in the gel moves with the object, the markers move with the gel.
 //!
 //! ```text
 //!   reference: a patch in the middle of four markers     now: looked for where those markers have gone,
@@ -12,11 +12,11 @@ use slipbound::image::Gray;
 use slipbound::monitor::{Marker, SlipMonitor, SlipReport};
 use slipbound::plane::Vec2;
 
-/// Half the side of a patch, and how far around it is looked for, in pitches. Ours: what fits between markers.
+/// Half the side of a patch, and its search radius, in pitches. Ours: what fits between markers.
 const PATCH_PITCH: f64 = 0.3;
 const SEARCH_PITCH: f64 = 0.45;
 
-/// Standard deviation of a patch in grey levels below which it shows nothing.
+/// Standard deviation in grey levels below which a patch has no contrast.
 const LEAST_LEVELS: f64 = 3.0;
 
 /// Correlation below which a patch is lost.
@@ -25,7 +25,7 @@ const LEAST_ALIKE: f64 = 0.5;
 /// Fewest patches that are judged.
 const LEAST_PATCHES: usize = 4;
 
-/// Mean motion against the markers, in pitches, above which it alarms. Ours, see docs/eval.md.
+/// Mean motion relative to the markers, in pitches, above which it raises an alarm. Ours, see docs/eval.md.
 const THRESHOLD_PITCH: f64 = 0.02;
 
 /// A patch of the reference.
@@ -35,11 +35,11 @@ struct Patch {
     /// The four markers nearest to it, by number.
     around: [usize; 4],
     levels: Vec<f32>,
-    /// Where it was found last, in whole pixels from where its markers have gone.
+    /// Last match, in whole pixels relative to the position expected from its markers.
     found: (i32, i32),
 }
 
-/// Score: length of the mean motion of the imprint against the markers around it, in pitches.
+/// Score: length of the mean motion of the imprint relative to the markers around it, in pitches.
 #[derive(Debug, Clone, Default)]
 pub struct Imprint {
     reference: Reference,
@@ -67,8 +67,8 @@ impl Imprint {
     }
 }
 
-/// How far a patch has moved against its markers, px; None where markers or picture are lost. From where it was found last
-/// uphill to the next place that is most alike: an imprint moves by less than a patch in a frame.
+/// Motion of a patch relative to its markers, px; None if markers or image are lost. Hill climbing from the last match
+/// to the nearest maximum of the correlation: an imprint moves by less than a patch in a frame.
 fn motion_px(
     patch: &mut Patch,
     at_px: &[Option<Vec2>],
@@ -148,7 +148,7 @@ impl Detector for Imprint {
         THRESHOLD_PITCH
     }
 
-    /// The next frame gives the patches: the last picture is no longer there.
+    /// The patches are taken from the next frame, because the last image is no longer available.
     fn restart(&mut self) {
         self.reference.restart();
         self.wants_picture = true;
@@ -159,8 +159,8 @@ fn half_px(pitch_px: f64) -> i32 {
     (PATCH_PITCH * pitch_px).round().max(2.0) as i32
 }
 
-/// Middles between markers in contact, and the four markers around each: the nearest to a point half a pitch right and below a marker,
-/// all of them within one and a half pitches.
+/// Centres between markers in contact, and the four markers around each: the nearest to a point half a pitch right and
+/// below a marker, all of them within one and a half pitches.
 fn cells(markers: &[Marker], pitch_px: f64) -> Vec<(Vec2, [usize; 4])> {
     let usable: Vec<usize> = (0..markers.len()).filter(|&i| markers[i].in_contact && markers[i].matched).collect();
     let mut cells = Vec::new();
@@ -177,7 +177,7 @@ fn cells(markers: &[Marker], pitch_px: f64) -> Vec<(Vec2, [usize; 4])> {
     cells
 }
 
-/// A patch round a whole pixel, its mean taken off; None where it reaches beyond the picture.
+/// A patch around a whole pixel, without its mean; None if it extends beyond the image.
 fn cut(picture: &Gray<'_>, middle_px: Vec2, half: i32) -> Option<Vec<f32>> {
     let size = picture.size();
     let (x, y) = (middle_px.x as i32, middle_px.y as i32);
@@ -199,8 +199,8 @@ fn deviation(levels: &[f32]) -> f64 {
     (f64::from(levels.iter().map(|level| level * level).sum::<f32>()) / levels.len() as f64).sqrt()
 }
 
-/// Correlation of a patch without mean with the picture round a pixel; 0 where one is flat, None where the other reaches
-/// beyond the picture.
+/// Correlation of a patch without mean with the image around a pixel; 0 if one of them is uniform, None if the other
+/// extends beyond the image.
 fn alike(levels: &[f32], picture: &Gray<'_>, (x, y): (i32, i32), half: i32) -> Option<f64> {
     let size = picture.size();
     if x < half || y < half || x + half >= size.width as i32 || y + half >= size.height as i32 {
@@ -218,7 +218,7 @@ fn alike(levels: &[f32], picture: &Gray<'_>, (x, y): (i32, i32), half: i32) -> O
             bb += now * now;
         }
     }
-    // The patch has no mean, so that of the picture drops out of the product.
+    // The patch has zero mean, so the mean of the image cancels in the product.
     let spread = bb - b * b / levels.len() as f32;
     Some(if aa > 0.0 && spread > 0.0 { f64::from(ab) / (f64::from(aa) * f64::from(spread)).sqrt() } else { 0.0 })
 }
@@ -228,7 +228,7 @@ mod tests {
     use super::*;
     use slipbound::image::SizePx;
 
-    /// A picture of bumps without order, moved by a vector.
+    /// An image of irregular bumps, shifted by a vector.
     fn picture(by: Vec2, brighter: f64) -> Vec<u8> {
         let level =
             |x: f64, y: f64| 60.0 + 25.0 * (libm::sin(0.31 * x) * libm::cos(0.23 * y) + libm::sin(0.17 * x + 0.29 * y));
@@ -239,7 +239,7 @@ mod tests {
         Gray::new(bytes, SizePx::new(100, 80)).expect("whole")
     }
 
-    /// What is drawn into the gel moves by (2.4, -1.6) px, in small steps, and the light changes; the markers stay.
+    /// The imprint moves by (2.4, -1.6) px, in small steps, and the light changes; the markers do not move.
     #[test]
     fn an_imprint_that_moves_against_its_markers_is_followed() {
         let first = picture(Vec2::ZERO, 1.0);
@@ -267,7 +267,8 @@ mod tests {
             let found = motion_px(&mut patch, &[Some(at)], &[marker], &gray(&bytes), 22.0);
             moved_px = found.expect("followed");
         }
-        // Along a ridge of the correlation the parabolas of the two axes are off by a part of a pixel: 0.02 pitch.
+        // Along a ridge of the correlation the parabolas of the two axes have an error of a part of a pixel: 0.02
+        // pitch.
         assert!((moved_px - Vec2::new(2.4, -1.6)).length() < 0.45, "{moved_px:?}");
         assert_eq!(alike(&patch.levels, &gray(&first), (3, 40), half_px(22.0)), None, "beyond the picture");
         assert_eq!(alike(&patch.levels, &gray(&[90; 100 * 80]), (50, 40), half_px(22.0)), Some(0.0));

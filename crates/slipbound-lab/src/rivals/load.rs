@@ -1,15 +1,15 @@
-//! The rule that reads load alone: tangential load over a friction that is taken for known.
+//! The rule that uses load alone: tangential load over an assumed friction.
 
 use super::detector::Detector;
 use slipbound::monitor::{FEATURE_NAMES, SlipMonitor, SlipReport};
 
-/// Used fraction above which it alarms: that of the shipped verdict (deviation D16).
+/// Used fraction above which it raises an alarm: that of the shipped verdict (deviation D16).
 const THRESHOLD_FRACTION: f64 = 0.5;
 
-/// Score: force and torque from all markers over what the grip force bears at a friction coefficient of 0.6, dimensionless (the feature
-/// `load`, see [`FEATURE_NAMES`]); 0 without a grip force or a contact.
+/// Score: force and torque from all markers over what the grip force can hold at a friction coefficient of 0.6,
+/// dimensionless (the feature `load`, see [`FEATURE_NAMES`]); 0 without a grip force or a contact.
 ///
-/// It senses load, not slip: right where friction is 0.6, late where there is less, false where there is more.
+/// It measures load, not slip: correct at a friction of 0.6, late at a lower one, a false alarm at a higher one.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Load;
 

@@ -24,8 +24,8 @@ impl Detector for Ours {
     }
 }
 
-/// The evidence behind the verdict as one number: the used fraction of the load over the one at which the alarm is raised; 0
-/// without an estimate.
+/// The evidence behind the verdict as one number: the used fraction of the load over the alarm threshold; 0 without an
+/// estimate.
 fn score(report: &SlipReport) -> f64 {
     let judged = matches!(report.state, SlipState::Stick | SlipState::Incipient | SlipState::Gross | SlipState::Unsure);
     let margin = report.estimates.margin.map(|margin| (1.0 - margin.value) / 0.5);
@@ -33,10 +33,10 @@ fn score(report: &SlipReport) -> f64 {
     if judged && score.is_finite() { score } else { 0.0 }
 }
 
-/// What a report says beside its state. None where it does not.
+/// The estimates of a report besides its state. None if absent.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Said {
-    /// Share of the contact that sticks.
+    /// Stick ratio of the contact.
     pub stick_ratio: Option<f64>,
     /// Slip margin, 1 - f.
     pub margin: Option<f64>,
@@ -50,13 +50,13 @@ pub struct Said {
     pub friction: Option<f64>,
     /// Kind of slip.
     pub kind: Option<SlipKind>,
-    /// Direction in which the object slides, rad.
+    /// Sliding direction of the object, rad.
     pub direction_rad: Option<f64>,
     /// Rotation of the object, rad, positive from x to y.
     pub rotation_rad: Option<f64>,
 }
 
-/// Reads a report: the one place where its estimates enter the scores.
+/// Reads a report: the only place where its estimates enter the scores.
 pub fn said(report: &SlipReport) -> Said {
     let estimates = &report.estimates;
     let value = |estimate: Option<Estimate>| estimate.map(|estimate| estimate.value);

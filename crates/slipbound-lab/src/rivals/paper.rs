@@ -1,12 +1,12 @@
-//! The rule of Dong, Ma, Donlon and Rodriguez (ICRA 2019): the inner region moves as a rigid body, and slip is
-//! when more than N markers leave that motion by more than 4.5 px.
+//! The rule of Dong, Ma, Donlon and Rodriguez (ICRA 2019): the inner region moves as a rigid body, and it is slip if
+//! more than N markers deviate from that motion by more than 4.5 px.
 
 use super::detector::Detector;
 use super::reference::Reference;
 use slipbound::monitor::{SlipMonitor, SlipReport, SlipSettings, fit_similarity};
 
-/// Score: the slip of the marker that makes slip of it, the k-th longest, over 4.5 px at the paper's pitch. 1 is the
-/// paper's threshold.
+/// Score: the slip of the marker that decides, the k-th longest, over 4.5 px at the paper's pitch. 1 is the paper's
+/// threshold.
 fn kth_over_threshold(slips_px: &mut [f64], needed_count: u32, threshold_px: f64) -> f64 {
     slips_px.sort_by(|a, b| b.total_cmp(a));
     let kth = slips_px.get(needed_count.saturating_sub(1) as usize);
@@ -43,7 +43,7 @@ impl Detector for Paper {
     }
 }
 
-/// The whole of the paper: a monitor with its settings, its markers, its contact, its reference.
+/// The complete method of the paper: a monitor with its settings, its markers, its contact, its reference.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct PaperAsWritten;
 

@@ -1,4 +1,4 @@
-//! Where the markers were when the object was taken hold of.
+//! Positions of the markers when the object was grasped.
 
 use slipbound::monitor::{SlipMonitor, SlipReport, SlipState};
 use slipbound::plane::Vec2;
@@ -6,15 +6,15 @@ use slipbound::plane::Vec2;
 /// A displacement of a marker in contact since the reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Moved {
-    /// Place of the marker in the reference, rectified px.
+    /// Position of the marker in the reference, rectified px.
     pub from_px: Vec2,
-    /// How far it moved since, px.
+    /// Displacement since then, px.
     pub by_px: Vec2,
     /// Whether it lies in the inner region.
     pub inner: bool,
 }
 
-/// Positions of the markers in the reference frame: the first with contact, or the one after which somebody said
+/// Positions of the markers in the reference frame: the first with contact, or the last before a call of
 /// [`Reference::restart`].
 #[derive(Debug, Clone, Default)]
 pub(super) struct Reference {
@@ -22,12 +22,12 @@ pub(super) struct Reference {
     is_held: bool,
     now_px: Vec<Option<Vec2>>,
     moved: Vec<Moved>,
-    /// Counts the references taken, so that who keeps pictures knows when to take a new one.
+    /// Counts the references, so that a user of images knows when to take a new one.
     pub taken_count: u32,
 }
 
 impl Reference {
-    /// The frame seen last becomes the reference.
+    /// The last frame seen becomes the reference.
     pub fn restart(&mut self) {
         if self.is_held {
             self.at_px.clone_from(&self.now_px);
@@ -35,8 +35,8 @@ impl Reference {
         }
     }
 
-    /// Displacement of the markers in contact, whole and matched, since the reference; none without contact, when
-    /// the next contact brings a new reference.
+    /// Displacement since the reference of the markers in contact, whole and matched; empty without contact, after
+    /// which the next contact sets a new reference.
     pub fn moved(&mut self, monitor: &SlipMonitor, report: &SlipReport) -> &[Moved] {
         self.moved.clear();
         match report.state {
@@ -63,7 +63,7 @@ impl Reference {
     }
 }
 
-/// Middle of the places in the reference; the origin for none.
+/// Mean of the positions in the reference; the origin for none.
 pub(super) fn middle_px(moved: &[Moved]) -> Vec2 {
     moved.iter().fold(Vec2::ZERO, |sum, m| sum + m.from_px) / (moved.len().max(1) as f64)
 }

@@ -14,13 +14,13 @@ pub struct Key {
     pub name: &'static str,
     /// What it means.
     pub what: &'static str,
-    /// What it can be.
+    /// Its allowed values.
     pub kind: Kind,
-    /// What it is unless a scene says otherwise; empty where every scene that takes it says.
+    /// Its default; empty if every scene that uses it sets its own.
     pub default: &'static str,
 }
 
-/// What a parameter can be.
+/// Allowed values of a parameter.
 #[derive(Debug, Clone, Copy)]
 pub enum Kind {
     /// A number from the first to the second.
@@ -29,7 +29,7 @@ pub enum Kind {
     Count(u32, u32),
     /// One of these words.
     Word(&'static [&'static str]),
-    /// A number from the first to the second, or `object`: what the object has.
+    /// A number from the first to the second, or `object`: the object's own value.
     OfObject(f64, f64),
     /// The name of an object.
     Object,

@@ -7,14 +7,14 @@ use crate::contact::{Drive, Inertia, Leg, Mount, Path};
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;
 
-/// How long a scene goes on after what happens in it, in s.
+/// How long a scene continues after its last event, in s.
 const TAIL_S: f64 = 0.2;
 
-/// Damping of what pulls at an object, in N s/mm: once it slides, it slides at some 30 mm/s for every N too much,
-/// as in a hand, instead of flying off. Before that it takes 1 % or less off the load of a ramp of 1 s. Estimate.
+/// Damping of a pull at an object, in N s/mm: once it slides, it slides at some 30 mm/s for every N of excess force, as
+/// in a hand, instead of flying off. Before that it takes 1 % or less off the load of a ramp of 1 s. Estimate.
 const PULL_DAMPING_N_S_PER_MM: f64 = 0.03;
 
-/// The same for turning, in N mm s/rad: as the damping acts 6 mm from the middle.
+/// The same for rotation, in N mm s/rad: as if the damping acted 6 mm from the middle.
 const PULL_DAMPING_N_MM_S_PER_RAD: f64 = 1.0;
 
 /// All scenes.
@@ -128,13 +128,13 @@ impl Scene {
     }
 }
 
-/// The legs that begin every scene, and when they end.
+/// The legs that begin every scene, and their end time.
 fn begin(set: &Parameters) -> (Vec<Leg>, f64) {
     let (press_s, settle_s) = (set.number("press_s"), set.number("settle_s"));
     (vec![Leg::press(set.number("force_n"), press_s), Leg::hold(settle_s)], press_s + settle_s)
 }
 
-/// A guided object that nothing loads.
+/// A guided object without load.
 fn unloaded(legs: Vec<Leg>) -> Result<LoadProfile, SettingError> {
     Ok(LoadProfile {
         path: Path::new(legs)?,
@@ -158,7 +158,7 @@ fn direction_rad(set: &Parameters) -> f64 {
     set.number("direction_deg").to_radians()
 }
 
-/// `distance_mm` towards `direction_deg`, and the time it takes at the speed asked for.
+/// `distance_mm` towards `direction_deg`, and its duration at the requested speed.
 fn way(set: &Parameters) -> (Vec2, f64) {
     let (s, c) = libm::sincos(direction_rad(set));
     let distance_mm = set.number("distance_mm");
@@ -223,7 +223,7 @@ fn vibration(set: &Parameters) -> Result<LoadProfile, SettingError> {
     let (mut legs, _) = begin(set);
     let (s, c) = libm::sincos(direction_rad(set));
     let far_mm = Vec2::new(c, s) * set.number("distance_mm");
-    // Back and forth in straight legs: a triangle of the frequency asked for, from the middle to the middle.
+    // Back and forth in straight legs: a triangle wave of the requested frequency, starting and ending in the middle.
     let quarter_s = 0.25 / set.number("frequency_hz");
     let there = |way: f64, seconds_s: f64| Leg::shear(way * far_mm.x, way * far_mm.y, seconds_s);
     for _ in 0..(set.number("hold_s") / (4.0 * quarter_s)).ceil() as u32 {
@@ -232,7 +232,7 @@ fn vibration(set: &Parameters) -> Result<LoadProfile, SettingError> {
     unloaded(legs)
 }
 
-/// The object as a body, with the mass the scene gives it.
+/// Inertia of the object in the scene.
 fn inertia(set: &Parameters) -> Inertia {
     let object = set.object();
     Inertia { mass_kg: object.mass_kg, gyration_radius_mm: object.gyration_radius_mm, centre_of_mass_mm: Vec2::ZERO }
@@ -241,8 +241,8 @@ fn inertia(set: &Parameters) -> Inertia {
 /// How long a step of the grip takes, in s.
 const REGRIP_S: f64 = 0.1;
 
-/// A ramp during which the grip changes: evenly spaced steps by the same share, until the load has reached the unit that holds
-/// at the last grip.
+/// A ramp during which the grip changes: evenly spaced steps by the same factor, until the load has reached the unit
+/// that holds at the last grip.
 fn regrip(set: &Parameters) -> Result<LoadProfile, SettingError> {
     let mut profile = ramp(set)?;
     let (mut legs, _) = begin(set);

@@ -1,4 +1,4 @@
-//! What happens over time in a scene.
+//! Events of a scene over time.
 
 use crate::contact::{Drive, Path};
 use slipbound::plane::Vec2;
@@ -8,13 +8,13 @@ use slipbound::plane::Vec2;
 pub struct LoadProfile {
     /// Grip, guided pose, roll.
     pub path: Path,
-    /// What pulls at the object beside the path.
+    /// Load on the object in addition to the path.
     pub pull: Pull,
     /// How the object moves.
     pub drive: Drive,
     /// How many fingers hold it.
     pub fingers_count: u32,
-    /// When the load that can make it slide begins, in s; None when there is none.
+    /// Start of the load that can make it slide, in s; None without such a load.
     pub load_from_s: Option<f64>,
     /// The direction in which a guided object is loaded: translation in mm and rotation in rad of the whole motion.
     /// The load is the work that the wrench would do along it.
@@ -22,7 +22,7 @@ pub struct LoadProfile {
 }
 
 impl LoadProfile {
-    /// Whether the object may run on a bend: it is moved, or pulled, and turned at once.
+    /// Whether the path of the object may be curved: it is moved, or pulled, and turned at once.
     pub fn may_bend(&self) -> bool {
         match self.pull {
             Pull::Ramp { twist_fraction, .. } => twist_fraction != 0.0 && twist_fraction.abs() < 1.0,
@@ -38,11 +38,12 @@ pub enum Pull {
     /// None.
     #[default]
     None,
-    /// A wrench of fixed direction that grows evenly: force and torque together, through the middle of the contact.
+    /// A wrench of fixed direction that grows linearly: force and torque together, through the middle of the contact.
     ///
-    /// Its unit is the wrench of full slip, found when the load begins: force sum(bound) towards the direction,
-    /// torque sum(bound |r|) about the middle of the contact. A share cos(a) of the force and sin(a) of the torque
-    /// act together, a = `twist_fraction` x 90 deg: were the limit an ellipse, the object would let go at a load of 1.
+    /// Its unit is the wrench of full slip, computed when the load begins: force sum(bound) towards the direction,
+    /// torque sum(bound |r|) about the middle of the contact. A share cos(a) of the force and sin(a) of the torque act
+    /// together, a = `twist_fraction` x 90 deg: if the limit surface were an ellipse, the object would slide at a load
+    /// of 1.
     Ramp {
         /// Of the force, in rad.
         direction_rad: f64,
@@ -53,7 +54,7 @@ pub enum Pull {
         /// Load at which it stops growing.
         peak_fraction: f64,
     },
-    /// The weight of a mass that grows; it is taken up evenly within `lift_s`. The load is the weight in N.
+    /// The weight of a growing mass; it is applied linearly within `lift_s`. The load is the weight in N.
     Weight {
         /// Of gravity in the plane of the pad, in rad.
         direction_rad: f64,

@@ -19,7 +19,7 @@ impl Parameters {
         Parameters { scene, values }
     }
 
-    /// Another value of a key that the scene takes. Refuses what is out of range.
+    /// Another value of a key that the scene uses. Refuses values out of range.
     pub(super) fn set(&mut self, key: &'static Key, text: &str) -> Result<(), SettingError> {
         self.values.insert(key.name, key.read(text)?);
         Ok(())
@@ -30,7 +30,7 @@ impl Parameters {
         self.values.iter().map(|(key, value)| (*key, value))
     }
 
-    /// The number of a key. A panic when the scene does not take it, as an index of a slice.
+    /// The number of a key. Panics if the scene does not use it, like a slice index.
     pub fn number(&self, key: &str) -> f64 {
         match self.values.get(key) {
             Some(Value::Number(number)) => *number,
@@ -38,7 +38,7 @@ impl Parameters {
         }
     }
 
-    /// The word of a key. A panic when the scene does not take it.
+    /// The word of a key. Panics if the scene does not use it.
     pub fn word(&self, key: &str) -> &str {
         match self.values.get(key) {
             Some(Value::Word(word)) => word,
@@ -46,12 +46,12 @@ impl Parameters {
         }
     }
 
-    /// What is held.
+    /// The held object.
     pub fn object(&self) -> &'static Object {
         Object::named(self.word("object")).expect("the name was looked up when it was set")
     }
 
-    /// The friction coefficient: the one set, or the object's.
+    /// The friction coefficient: the value set, or the object's.
     pub fn mu(&self) -> f64 {
         match self.values["mu"] {
             Value::Number(mu) => mu,
@@ -59,7 +59,7 @@ impl Parameters {
         }
     }
 
-    /// The faults; None for none.
+    /// The faults; None without faults.
     pub fn faults(&self) -> Option<Faults> {
         let text = self.word("fault");
         (text != "none").then(|| Faults::parse(text).expect("the text was read when it was set"))

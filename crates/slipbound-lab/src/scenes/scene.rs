@@ -1,4 +1,4 @@
-//! What a named scene is made of.
+//! Definition of a named scene.
 
 use super::keys::{COMMON_KEYS, Key, SCENE_KEYS};
 use super::load_profile::LoadProfile;
@@ -10,12 +10,12 @@ use slipbound::setting::SettingError;
 pub struct Scene {
     /// Its name.
     pub name: &'static str,
-    /// What happens, in a line.
+    /// Description in one line.
     pub what: &'static str,
-    /// The parameters it takes beside [`COMMON_KEYS`], with their defaults; also the common ones whose default it
+    /// The parameters it uses besides [`COMMON_KEYS`], with their defaults; also the common ones whose default it
     /// changes.
     pub defaults: &'static [(&'static str, &'static str)],
-    /// What its parameters mean.
+    /// The load profile for its parameters.
     pub(crate) profile: fn(&Parameters) -> Result<LoadProfile, SettingError>,
 }
 
@@ -26,13 +26,13 @@ impl PartialEq for Scene {
 }
 
 impl Scene {
-    /// The keys it takes: the common ones, then its own.
+    /// The keys it uses: the common ones, then its own.
     pub fn keys(&self) -> impl Iterator<Item = &'static Key> + '_ {
         let own = SCENE_KEYS.iter().filter(|key| self.defaults.iter().any(|(name, _)| *name == key.name));
         COMMON_KEYS.iter().chain(own)
     }
 
-    /// The key of a name among those it takes.
+    /// The key with this name among those it uses.
     pub(super) fn key(&self, name: &str) -> Result<&'static Key, SettingError> {
         self.keys().find(|key| key.name == name).ok_or_else(|| {
             let names: Vec<&str> = std::iter::once("seed").chain(self.keys().map(|key| key.name)).collect();

@@ -1,4 +1,4 @@
-//! A scene with all its parameters: what it takes to make the same frames again.
+//! A scene with all its parameters: everything needed to generate the same frames again.
 
 use super::keys::Value;
 use super::load_profile::LoadProfile;
@@ -11,20 +11,20 @@ use slipbound::setting::SettingError;
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// The largest whole number up to which JSON readers are exact.
+/// Largest integer up to which JSON readers are exact.
 const LARGEST_SEED: u64 = 1 << 53;
 
-/// A scene, a seed and a value for every key the scene takes.
+/// A scene, a seed and a value for every key of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub struct Trial {
     scene: &'static Scene,
-    /// What the noise of the camera and the faults are drawn from.
+    /// Seed of the camera's noise and of the faults.
     pub seed: u64,
     parameters: Parameters,
 }
 
-/// A trial as a file has it.
+/// A trial in the format of a file.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {
@@ -107,28 +107,28 @@ impl Trial {
         self.parameters.word(key)
     }
 
-    /// What is held.
+    /// The held object.
     pub fn object(&self) -> &'static Object {
         self.parameters.object()
     }
 
-    /// The friction coefficient: the one set, or the object's.
+    /// The friction coefficient: the value set, or the object's.
     pub fn mu(&self) -> f64 {
         self.parameters.mu()
     }
 
-    /// The faults; None for none.
+    /// The faults; None without faults.
     pub fn faults(&self) -> Option<Faults> {
         self.parameters.faults()
     }
 
-    /// Grip, motion and load over time. Refuses parameters that do not go together.
+    /// Grip, motion and load over time. Refuses contradictory parameters.
     pub fn load_profile(&self) -> Result<LoadProfile, SettingError> {
         (self.scene.profile)(&self.parameters)
     }
 }
 
-/// As [`Trial::parse`] reads it, with all parameters.
+/// In the format of [`Trial::parse`], with all parameters.
 impl fmt::Display for Trial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}?seed={}", self.scene.name, self.seed)?;

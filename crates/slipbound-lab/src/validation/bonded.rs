@@ -11,7 +11,7 @@ pub fn sphere_on_layer() -> Vec<Row> {
     const THICKNESS_MM: f64 = 3.0;
     const RADIUS_MM: f64 = 5.0;
     const POISSON: f64 = 0.499_999;
-    // 24 mm of periodic layer, of which the middle 64 x 64 cells are solved on.
+    // 24 mm of periodic layer; the solution is on the middle 64 x 64 cells.
     let grid =
         Grid { width_cells: 600, height_cells: 600, cell_mm: 0.04, padded_width_cells: 600, padded_height_cells: 600 };
     let shear_modulus_mpa = MODULUS_MPA / (2.0 * (1.0 + POISSON));

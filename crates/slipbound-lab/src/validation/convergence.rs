@@ -1,11 +1,11 @@
-//! Coarse grids against a fine one, along the way to full slip.
+//! Coarse grids against a fine one, during loading up to full slip.
 
 use super::row::Row;
 use crate::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
 use crate::contact::{Finger, FingerSettings, Grid, Leg, Path, Pose, Stop};
 
-/// The shapes stand at an angle to the grid. Edges along it make whole rows of cells change state at once: load and
-/// stick ratio then differ from the fine grid by up to 0.014 and 0.06 (docs/simulator.md, limits).
+/// The shapes are rotated relative to the grid. With edges along the grid whole rows of cells change state at once:
+/// load and stick ratio then differ from the fine grid by up to 0.014 and 0.06 (docs/simulator.md, limits).
 const TURN_RAD: f64 = 0.3;
 
 /// A shape, a name and a path whose second leg leads to full slip.
@@ -57,8 +57,8 @@ fn run(trial: &Trial, settings: FingerSettings) -> Vec<(f64, f64)> {
     out
 }
 
-/// Mean and largest difference of load (as a fraction of the largest) and of stick ratio from 160 x 120 cells, on the
-/// way to full slip.
+/// Mean and largest difference of load (as a fraction of the largest) and of stick ratio from 160 x 120 cells, during
+/// loading up to full slip.
 pub fn grid_convergence() -> Vec<Row> {
     let plain = FingerSettings { substep_s: 1.0 / 80.0, ..FingerSettings::standard() };
     let fine = FingerSettings {

@@ -1,4 +1,4 @@
-//! Action and reaction: what is put in at the object is found again as heat and in the gel.
+//! Energy balance: the work done on the object equals the heat plus the energy stored in the gel.
 
 use super::row::Row;
 use crate::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
@@ -7,10 +7,10 @@ use crate::layer::above_zero;
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;
 
-/// Strains are near 1 then; at 20 N and mu 0.8 the rim of the cap is strained by 3 and more, and snaps.
+/// Strains are near 1 at this force; at 20 N and mu 0.8 the rim of the cap is strained by 3 and more, and snaps.
 const FORCE_N: f64 = 10.0;
 
-/// Tight enough for stuck cells not to wander by the solver's tolerance.
+/// Tight enough that stuck cells do not drift by the solver's tolerance.
 fn exact(settings: FingerSettings) -> FingerSettings {
     let stop = Stop { tolerance_fraction: 1e-6, most_iterations_count: 3000 };
     FingerSettings { normal_stop: stop, tangential_stop: stop, ..settings }
@@ -25,8 +25,8 @@ fn start(settings: FingerSettings, shape: &str) -> Finger {
     .expect("sound settings")
 }
 
-/// Work in N mm that an object does from one step to the next: wrench along its motion and grip force along its
-/// depth, each the mean of the two steps.
+/// Work in N mm of an object from one step to the next: wrench along its motion and grip force along its depth, each
+/// the mean of the two steps.
 fn work_n_mm(before: &Truth, after: &Truth) -> f64 {
     let force_n = (before.wrench.force_n + after.wrench.force_n) * 0.5;
     let torque_n_mm = 0.5 * (before.wrench.torque_n_mm + after.wrench.torque_n_mm);
@@ -48,8 +48,8 @@ fn stored_n_mm(finger: &Finger) -> f64 {
     0.5 * sum * finger.settings().grid.cell_area_mm2()
 }
 
-/// Work that is found neither as heat nor in the gel, over the heat, when an object is pressed, pushed until it
-/// slides, pushed on and brought back.
+/// Work that is neither heat nor stored in the gel, over the heat, when an object is pressed, pushed until it slides,
+/// pushed further and brought back.
 fn lost_fraction(shape: &str, aside: Vec2, substeps_count: u32) -> f64 {
     let settings =
         exact(FingerSettings { substep_s: 1.0 / (30.0 * f64::from(substeps_count)), ..FingerSettings::fast() });
@@ -65,14 +65,14 @@ fn lost_fraction(shape: &str, aside: Vec2, substeps_count: u32) -> f64 {
     for (n, command) in path.commands(settings.substep_s).enumerate() {
         let before = *finger.truth();
         let after = *finger.step(&command).expect("a sound command");
-        // Before the first touch there is no depth to start from.
+        // Before the first contact there is no depth to start from.
         work += if n == 0 { 0.5 * after.grip_force_n * after.depth_mm } else { work_n_mm(&before, &after) };
         heat += after.dissipated_n_mm;
     }
     (work - heat - stored_n_mm(&finger)) / heat
 }
 
-/// The cycle at 4, 8, 16 and 32 steps a frame, and the order at which the loss falls.
+/// The cycle at 4, 8, 16 and 32 steps a frame, and the order of convergence of the loss.
 pub fn energy_cycle() -> Vec<Row> {
     let mut rows = Vec::new();
     let along = Vec2::new(1.0, 0.0);
@@ -86,7 +86,8 @@ pub fn energy_cycle() -> Vec<Row> {
         let lost = [4, 8, 16, 32].map(|substeps| (substeps, lost_fraction(shape, aside, substeps)));
         for (substeps, lost) in lost {
             let case = format!("energy lost over heat, {name}, {substeps} steps a frame");
-            // The bar is for 16 and finer; the coarser ones are as they are, and less than what p grad g makes on the flattest.
+            // The tolerance is for 16 and finer; the error of coarser ones is known, and less than what p grad g makes
+            // on the flattest.
             rows.push(Row::deviation(case, lost, if substeps < 16 { 0.007 } else { 0.005 }));
         }
         let order = 0.5 * libm::log2((lost[1].1 / lost[3].1).abs());
@@ -95,8 +96,8 @@ pub fn energy_cycle() -> Vec<Row> {
     rows
 }
 
-/// Steady sliding at 4 mm/s, at 16 steps a frame and at the 4 that are shipped: the heat is the wrench along the way, less
-/// what the gel stores meanwhile.
+/// Steady sliding at 4 mm/s, at 16 steps a frame and at the 4 that are shipped: the heat equals the work of the wrench,
+/// minus the energy stored in the gel meanwhile.
 pub fn sliding_heat() -> Vec<Row> {
     let place = Pose { position_mm: Vec2::new(-6.0, -6.0), turn_rad: 0.0 };
     let (along, across) = (Vec2::new(1.0, 0.0), Vec2::new(0.0, 1.0));
@@ -116,14 +117,15 @@ pub fn sliding_heat() -> Vec<Row> {
             let case = format!(
                 "steady sliding, {name}, {force_n} N, {substeps_count} steps a frame: heat against wrench x way"
             );
-            // The bar is for 16; what is shipped is as it is.
+            // The tolerance is for 16; the error of the shipped setting is known.
             rows.push(Row::relative(case, due, heat, "N mm", if substeps_count < 16 { 0.01 } else { 5e-3 }));
         }
     }
     rows
 }
 
-/// Work in N mm put in while an object slides by its last 4 of 12 mm, less what the gel stores meanwhile; and the heat.
+/// Work in N mm while an object slides by its last 4 of 12 mm, minus the energy stored in the gel meanwhile; and the
+/// heat.
 fn slid_n_mm(settings: FingerSettings, shape: &str, aside: Vec2, force_n: f64) -> (f64, f64) {
     let legs = vec![
         Leg::press(force_n, 0.25),
@@ -168,8 +170,8 @@ impl Shape for Incline {
     }
 }
 
-/// Horizontal over vertical force on an inclined face that slides up and down, where it has slid by a millimetre, against
-/// the wedge of statics.
+/// Horizontal over vertical force on an inclined face that slides up and down, where it has slid by a millimetre,
+/// against the statics of a wedge.
 pub fn inclined_face() -> Vec<Row> {
     const MU: f64 = 0.8;
     let settings = exact(FingerSettings::standard());
@@ -189,7 +191,8 @@ pub fn inclined_face() -> Vec<Row> {
                 (along + finger.traction_mpa(cell).x, upright + finger.pressure_mpa()[cell])
             });
             let measured = way * along / upright;
-            // The object slides over the gel; its face rises towards +x, so that way the gel stands before it.
+            // The object slides over the gel; its face rises towards +x, so the gel in that direction is in front of
+            // it.
             let theory = libm::tan(libm::atan(MU) + way * slope_rad);
             let case = format!("face inclined by 5 degrees, slid {name}: horizontal over vertical force");
             Row::relative(case, theory, measured, "", 5e-3)

@@ -1,4 +1,4 @@
-//! The load at which an object slides as a whole must not be a matter of the grid.
+//! The load at which an object slides as a whole must not depend on the grid.
 
 use super::row::Row;
 use crate::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
@@ -7,7 +7,7 @@ use crate::contact::{Event, Finger, FingerSettings, Grid, Leg, Path, Pose};
 const MU: f64 = 0.8;
 const FORCE_N: f64 = 20.0;
 
-/// Force over mu P, or torque in N mm over it, at the first step of gross slip; NaN when it never comes.
+/// Force over mu P, or torque in N mm over it, at the first step of gross slip; NaN without gross slip.
 fn load_at_gross(settings: FingerSettings, shape: impl Shape + 'static, load: Leg, turning: bool) -> f64 {
     let path = Path::new(vec![Leg::press(FORCE_N, 0.25), load]).expect("a sound path");
     let mut finger = Finger::new(settings, shape).expect("sound settings");

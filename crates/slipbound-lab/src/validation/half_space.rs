@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 const SPHERE: SphereOnHalfSpace =
     SphereOnHalfSpace { modulus_mpa: 0.2, poisson: 0.48, radius_mm: 15.0, force_n: 3.0, mu: 0.8 };
 
-/// Cells along a contact radius: a window of 64 x 64 cells holds the contact with room to spare.
+/// Cells along a contact radius: the contact fits into a window of 64 x 64 cells with a margin.
 const RADIUS_CELLS: f64 = 27.0;
 const SIDE_CELLS: usize = 64;
 
@@ -65,7 +65,8 @@ impl Bench {
             .collect();
         let target: Vec<Complex64> = lever.iter().map(|&at| displacement(at)).collect();
         let mut traction = vec![Complex64::new(0.0, 0.0); count];
-        // The theories know no push of pressure in the plane, and neither does this case: traction is friction.
+        // The theories do not include an in-plane push of the pressure, and neither does this case: traction is
+        // friction.
         let push = vec![Complex64::new(0.0, 0.0); count];
         let question = Question {
             cells: &cells,

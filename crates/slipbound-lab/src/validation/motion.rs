@@ -1,4 +1,4 @@
-//! How the object moves: rates and rotations.
+//! Motion of the object: rates and rotations.
 
 use super::row::Row;
 use crate::contact::shape::Sphere;
@@ -16,7 +16,7 @@ fn pushed_n(rate_mm_per_s: f64, steps_hz: f64) -> f64 {
     finger.truth().wrench.force_n.x
 }
 
-/// A shear at 120 steps a second against the limit of fine steps: a quasi-static gel knows no rate.
+/// A shear at 120 steps a second against the limit of fine steps: a quasi-static gel does not depend on the rate.
 pub fn shear_rate() -> Vec<Row> {
     let limit_n = pushed_n(1.5, 960.0);
     [1.5, 30.0, 120.0]
@@ -28,8 +28,8 @@ pub fn shear_rate() -> Vec<Row> {
         .collect()
 }
 
-/// A free body whose centre of mass is 60 mm off its reference point, turned by a torque alone until it has come 1 rad
-/// in 0.5 s, then left to itself for 0.5 s: the centre of mass stays where it is, and the rest goes round it.
+/// A free body whose centre of mass is 60 mm off its reference point, turned by a pure torque until it has rotated by 1
+/// rad in 0.5 s, then free for 0.5 s: the centre of mass does not move, and the rest rotates about it.
 pub fn free_rotation() -> Vec<Row> {
     const OFF_MM: f64 = 60.0;
     const GYRATION_MM: f64 = 40.0;
@@ -41,7 +41,7 @@ pub fn free_rotation() -> Vec<Row> {
         let body = Body { drive: Drive::Free(inertia), fingers_count: 1 };
         let settings = FingerSettings { body, substep_s: 1.0 / (30.0 * substeps), ..FingerSettings::fast() };
         let mut finger = Finger::new(settings, Sphere { radius_mm: 15.0 }).expect("sound settings");
-        // theta = T t^2 / 2 I, and what moves a point in the plane but no centre of mass is a pure torque.
+        // theta = T t^2 / 2 I; only a pure torque moves a point in the plane without moving the centre of mass.
         let torque_n_mm = 2.0 / 0.25 * MASS_KG * 1e-3 * GYRATION_MM * GYRATION_MM;
         for n in 1..=(substeps * 30.0) as u32 {
             let spun = f64::from(n) <= substeps * 15.0;

@@ -1,11 +1,11 @@
-//! A number the simulator gives beside the number it should give.
+//! A simulated value and its exact value.
 
 use std::fmt;
 
-/// A number the simulator gives beside the number it should give.
+/// A simulated value and its exact value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// What is compared, and the source of the theory.
+    /// The comparison, and the source of the theory.
     pub case: String,
     /// The exact value, in `unit`.
     pub theory: f64,
@@ -13,7 +13,7 @@ pub struct Row {
     pub measured: f64,
     /// Unit of both.
     pub unit: &'static str,
-    /// Signed error as a fraction of the theory, or of what the case says; NaN is never within tolerance.
+    /// Signed error as a fraction of the theory, or as defined by the case; NaN is never within tolerance.
     pub error_fraction: f64,
     /// Largest error allowed, as a fraction.
     pub tolerance_fraction: f64,
@@ -44,7 +44,7 @@ impl Row {
         }
     }
 
-    /// A number that should be `theory` or more; only what is missing counts as an error.
+    /// A number that should be `theory` or more; only a shortfall counts as an error.
     pub(super) fn at_least(case: impl Into<String>, theory: f64, measured: f64) -> Self {
         let missing = (measured - theory).min(0.0);
         let error_fraction = if measured.is_nan() { f64::NAN } else { missing / theory };

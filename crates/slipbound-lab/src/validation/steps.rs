@@ -1,4 +1,4 @@
-//! What must hold in every step of every load path.
+//! Invariants of every step of every load path.
 
 use super::row::Row;
 use crate::contact::shape::{Cylinder, FlatBox, Shape, Sphere};
@@ -6,7 +6,7 @@ use crate::contact::{Finger, FingerSettings, Friction, Law, Leg, Path, Pose, Sto
 use crate::layer::{Creep, Gel, SoftObject};
 use slipbound::plane::Vec2;
 
-/// The paths: press, then shear, twist, both, roll and let go, there and back.
+/// The paths: press, then shear, twist, both, roll and release, forward and back.
 fn paths() -> Vec<Path> {
     let press = Leg::press(20.0, 0.1);
     vec![
@@ -20,7 +20,7 @@ fn paths() -> Vec<Path> {
 }
 
 fn settings() -> Vec<(&'static str, FingerSettings)> {
-    // Fine enough for every step to be made in one increment: what is looked at then is known at the end of each.
+    // Fine enough for every step to be one increment: the checked values are then known at the end of each.
     let plain = FingerSettings { substep_s: 1.0 / 300.0, ..FingerSettings::fast() };
     let weakening = Law::SlipWeakening { mu_static: 0.9, mu_kinetic: 0.6, distance_mm: 0.05 };
     let capped = Law::PressureDependent { adhesion_mpa: 0.005, slope: 0.5, cap_mpa: 0.06 };
@@ -39,7 +39,7 @@ fn settings() -> Vec<(&'static str, FingerSettings)> {
     ]
 }
 
-/// What is looked at of a finger before a step; a clone of the finger would take its transforms along.
+/// The checked values of a finger before a step; a clone of the finger would copy its transforms.
 #[derive(Debug, Default)]
 struct Before {
     pose: Pose,
@@ -90,7 +90,7 @@ fn every_step(settings: FingerSettings, mut look: impl FnMut(&Before, &Finger)) 
     run(settings, Cylinder { radius_mm: 14.0, length_mm: 12.0, edge_radius_mm: 1.0 }, &paths[2], &mut look);
 }
 
-/// Friction never exceeds what it can carry on the slope it is on, by the direction it had in the step before.
+/// Friction never exceeds its bound on the local slope, for its direction in the step before.
 pub fn friction_bound() -> Vec<Row> {
     settings()
         .into_iter()
@@ -98,7 +98,7 @@ pub fn friction_bound() -> Vec<Row> {
             let mut worst = 0.0f64;
             every_step(settings, |before, after| {
                 for (cell, &pressure_mpa) in after.pressure_mpa().iter().enumerate() {
-                    // From the law itself, with the slip known at the beginning of the step.
+                    // From the friction law itself, with the slip at the beginning of the step.
                     let stayed = before.contact[cell];
                     let slipped_mm = if stayed { before.slipped_mm[cell] } else { 0.0 };
                     let used = match before.bound_mpa[cell] {
@@ -117,8 +117,8 @@ pub fn friction_bound() -> Vec<Row> {
         .collect()
 }
 
-/// Friction takes work out and never puts any in: q . (B dd - du) over every contact cell, from poses and
-/// displacements alone, for a rigid object on a gel without creep.
+/// Friction only dissipates work: q . (B dd - du) over every contact cell, from poses and displacements alone, for a
+/// rigid object on a gel without creep.
 pub fn friction_work() -> Vec<Row> {
     settings()
         .into_iter()

@@ -1,4 +1,4 @@
-//! The layer once more, by another road: its differential equations through the thickness, integrated by matrix
+//! An independent solution of the layer: its differential equations through the thickness, integrated by matrix
 //! exponentials of thin slices, from the bonded base up.
 
 use super::row::Row;

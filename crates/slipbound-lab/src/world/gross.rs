@@ -4,47 +4,47 @@ use crate::contact::{Finger, Pose};
 use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
 
-/// The first substep of gross slip, as [`GROSS_FRICTION_FRACTION`](crate::contact::GROSS_FRICTION_FRACTION) defines it; on a bend,
-/// where friction lags behind the motion and never does all the work it could, the first of two frames in which hardly a cell
-/// sticks; and at the latest the substep in which an object that is pulled runs off. Only substeps after the load has begun count: the first cells of a
-/// press may slip without anything sliding.
+/// The first substep of gross slip, as [`GROSS_FRICTION_FRACTION`](crate::contact::GROSS_FRICTION_FRACTION) defines it.
+/// On a curved path, where friction lags behind the motion and never does its largest possible work, the first of two
+/// frames in which hardly any cell sticks. At the latest the substep in which a pulled object runs off. Only substeps
+/// after the start of the load count: while pressing, the first cells may slip although nothing slides.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gross {
     /// When, on the clock of the frames, in s.
     pub time_s: f64,
-    /// The load then; f of a frame is its load over this one.
+    /// The load at that time; f of a frame is its load over this one.
     pub load: f64,
-    /// Where the object was.
+    /// Pose of the object.
     pub pose: Pose,
 }
 
-/// Stick ratio up to which hardly a cell sticks, and for how many substeps that is gross slip: two frames, in which a ramp of 2 s
-/// grows by more than what is missing to the work.
+/// Stick ratio up to which hardly any cell sticks, and the number of substeps of that which is gross slip: two frames,
+/// in which the load of a ramp of 2 s grows by more than is missing to the largest work.
 pub(crate) const STICKS_HARDLY: f64 = 0.05;
 const STICKS_HARDLY_SUBSTEPS: u32 = 8;
 
-/// An object that is pulled runs off when its rim moves so far in so many substeps, a frame, mm: gel that is sheared within 0.4 s moves
-/// by less.
+/// A pulled object runs off when its rim moves this far in this many substeps, a frame, mm: gel that is sheared within
+/// 0.4 s moves by less.
 const RUNS_OFF_MM: f64 = 1.5;
 const RUNS_OFF_SUBSTEPS: usize = 4;
 const RIM_MM: f64 = 5.0;
 
-/// Looks out for it.
+/// Detects gross slip.
 #[derive(Debug, Clone)]
 pub(super) struct GrossWatch {
     load_from_s: Option<f64>,
     pulled: bool,
     may_bend: bool,
-    /// Where it was in the substeps of the last frame, the oldest first.
+    /// Poses in the substeps of the last frame, the oldest first.
     poses: [Pose; RUNS_OFF_SUBSTEPS],
-    /// Since when hardly a cell has stuck, and for how many substeps.
+    /// Start of the interval in which hardly any cell sticks, and its number of substeps.
     sticks_hardly: Option<(Gross, u32)>,
     found: Option<Gross>,
     friction_used: Option<f64>,
 }
 
 impl GrossWatch {
-    /// `pulled`: whether the object goes where its load takes it. `may_bend`: whether on a bend.
+    /// `pulled`: whether the load moves the object. `may_bend`: whether on a curved path.
     pub fn new(load_from_s: Option<f64>, pulled: bool, may_bend: bool) -> Self {
         GrossWatch {
             load_from_s,
@@ -66,7 +66,7 @@ impl GrossWatch {
         self.friction_used
     }
 
-    /// Looks at the finger after a substep; whether this is the first of gross slip.
+    /// Processes a substep; whether this is the first of gross slip.
     pub fn see(&mut self, finger: &Finger, path_s: f64, time_s: f64, load: f64) -> bool {
         let truth = finger.truth();
         let loaded = self.load_from_s.is_some_and(|from_s| path_s > from_s + 1e-9) && load > 0.0;
@@ -89,16 +89,16 @@ impl GrossWatch {
     }
 }
 
-/// How an object moved over one finger since a pose, seen from the friction there is.
+/// Motion of an object over one finger since a pose, weighted by the friction bounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Sliding {
-    /// Friction there is, in N: the sum of the bounds.
+    /// Largest friction, in N: the sum of the bounds.
     pub most_n: f64,
-    /// How far it moved, in mm: the mean over the contact, a cell counting by the friction it can carry.
+    /// Distance moved, in mm: the mean over the contact, each cell weighted by its friction bound.
     pub way_mm: f64,
-    /// Middle of the contact, counted alike, in mm on the gel.
+    /// Middle of the contact, with the same weights, in mm on the gel.
     pub middle_mm: Vec2,
-    /// Mean distance from there, counted alike, in mm: the lever of friction against turning.
+    /// Mean distance from there, with the same weights, in mm: the lever of friction against rotation.
     pub arm_mm: f64,
 }
 
@@ -127,7 +127,7 @@ impl Sliding {
 }
 
 impl Sliding {
-    /// Over two fingers, the second turned against the first: the friction and the way of one finger in the mean, the
+    /// For two fingers, the second rotated relative to the first: friction and distance as the mean per finger, the
     /// middle of both, in the axes of the first. None without contact.
     pub fn of_both(each: [Option<Self>; 2], turn_rad: f64) -> Option<Self> {
         let [Some(a), Some(b)] = each else { return each[0].or(each[1]) };
@@ -143,7 +143,7 @@ impl Sliding {
     }
 }
 
-/// The cells that carry friction, and how much each can.
+/// The cells that can carry friction, and their bounds.
 fn loaded(finger: &Finger) -> impl Iterator<Item = (usize, f64)> + '_ {
     finger.bound_mpa().iter().copied().enumerate().filter(|(_, bound_mpa)| *bound_mpa > 0.0)
 }

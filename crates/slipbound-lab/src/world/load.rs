@@ -1,10 +1,10 @@
-//! How much it would take to make the object slide, and how much of it acts.
+//! The load that would make the object slide, and the present load.
 
 use crate::contact::{Finger, Wrench};
 use slipbound::plane::Vec2;
 
-/// The wrench of full slip: all of sum(bound) towards a direction, and sum(bound |r|) about the object's reference
-/// point. Each holds on its own; together they would be too much.
+/// The wrench of full slip: sum(bound) towards a direction, and sum(bound |r|) about the object's reference point. Each
+/// is the limit when acting alone; together they exceed it.
 pub(super) fn full_slip(finger: &Finger, direction_rad: f64) -> Wrench {
     let grid = finger.settings().grid;
     let about = finger.truth().pose.position_mm;

@@ -4,7 +4,7 @@ use crate::contact::Friction;
 use crate::layer::{Gel, SoftObject};
 use crate::objects::Object;
 
-/// What gel, interface and object are made of; by default the standard gel, Coulomb friction, and the trial's object with
+/// Materials of gel, interface and object; by default the standard gel, Coulomb friction, and the trial's object with
 /// its own softness.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Physics {
@@ -12,7 +12,7 @@ pub struct Physics {
     pub gel: Gel,
     /// Friction; None for Coulomb's with the coefficient of the trial.
     pub friction: Option<Friction>,
-    /// What is held; None for the trial's object.
+    /// The held object; None for the trial's object.
     pub object: Option<Object>,
     /// Softness; None for the object's own.
     pub softness: Option<SoftObject>,

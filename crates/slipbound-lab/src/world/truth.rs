@@ -1,4 +1,4 @@
-//! What is exactly known of a frame, as it is written beside it.
+//! Ground truth of a frame, written with it.
 
 use super::gross::Gross;
 use crate::contact::{Event, Finger, Grid, LINEAR_STRAIN, Pose, Wrench};
@@ -6,32 +6,32 @@ use crate::scenes::Trial;
 use serde::{Deserialize, Serialize};
 use slipbound::plane::Vec2;
 
-/// Grows when a reader of the old lines could misread the new ones.
+/// Incremented when a reader of old lines could misread new ones.
 pub const TRUTH_FORMAT_VERSION: u32 = 1;
 
-/// Something that happened, and when.
+/// An event and its time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TimedEvent {
     /// What.
     pub event: Event,
-    /// On the clock of the frames, in s.
+    /// Time on the clock of the frames, in s.
     pub time_s: f64,
 }
 
-/// How the object has slid over the gel, over all cells in contact.
+/// Slip of the object over the gel, over all cells in contact.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SlipTruth {
     /// Cells that slid in the last substep.
     pub sliding_cells_count: u32,
     /// Mean of the slip of all cells in contact since they came into contact, a vector in mm.
     pub mean_mm: Vec2,
-    /// Mean length of way slid since contact, in mm.
+    /// Mean path length of the slip since contact, in mm.
     pub mean_way_mm: f64,
-    /// Largest length of way slid since contact, in mm.
+    /// Largest path length of the slip since contact, in mm.
     pub largest_way_mm: f64,
 }
 
-/// What is true of a frame.
+/// Ground truth of a frame.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FrameTruth {
     /// Its number.
@@ -44,22 +44,22 @@ pub struct FrameTruth {
     pub grip_force_n: f64,
     /// Depth of the object's lowest point below the flat gel, in mm; negative above it.
     pub depth_mm: f64,
-    /// What the object exerts on this finger's gel in the plane; the torque is about the object's reference point.
+    /// In-plane load of the object on this finger's gel; the torque is about the object's reference point.
     pub wrench: Wrench,
     /// Area under pressure, in mm2.
     pub contact_area_mm2: f64,
-    /// Part of it that did not slide in the last substep, in mm2.
+    /// The part of it that did not slide in the last substep, in mm2.
     pub stick_area_mm2: f64,
-    /// phi, the one over the other; None without contact.
+    /// phi, stick area over contact area; None without contact.
     pub stick_ratio: Option<f64>,
     /// Share of the friction that is used: see [`Finger`]'s truth of that name. None without contact,
     /// load or motion.
     pub friction_used_fraction: Option<f64>,
     /// The load along its path, 0 or above, in the unit of the scene: see [`Pull`](crate::scenes::Pull) and
-    /// [`LoadProfile::along`](crate::scenes::LoadProfile). None where nothing loads the object.
+    /// [`LoadProfile::along`](crate::scenes::LoadProfile). None if the object is not loaded.
     pub load: Option<f64>,
-    /// f = load over the load at gross slip; above 1 after it. None when the trial never comes to gross slip, and
-    /// until it has: [`complete`] fills it in.
+    /// f = load over the load at gross slip; above 1 after it. None if the trial never reaches gross slip, and until it
+    /// has: [`complete`] fills it in.
     pub load_fraction: Option<f64>,
     /// m = 1 - f, below 0 after gross slip; None where f is.
     pub margin: Option<f64>,
@@ -67,7 +67,7 @@ pub struct FrameTruth {
     pub contact_runs: Vec<u32>,
     /// Cells under pressure that did not slide in the last substep, as [`runs`].
     pub stick_runs: Vec<u32>,
-    /// How the object has slid.
+    /// Slip of the object.
     pub slip: SlipTruth,
     /// Largest pressure in MPa.
     pub peak_pressure_mpa: f64,
@@ -81,10 +81,10 @@ pub struct FrameTruth {
     pub at_border: bool,
     /// Whether both solvers met their tolerance in the last substep.
     pub converged: bool,
-    /// What happened since the frame before.
+    /// Events since the frame before.
     pub events: Vec<TimedEvent>,
-    /// Of every marker: displacement along x, along y and into the gel in mm, then its position in the picture
-    /// as the camera delivers it, x and y in px. Rounded to 0.1 um and 0.0001 px.
+    /// Of every marker: displacement along x, along y and into the gel in mm, then its position in the image as
+    /// delivered by the camera, x and y in px. Rounded to 0.1 um and 0.0001 px.
     pub markers: Vec<[f64; 5]>,
 }
 
@@ -150,7 +150,7 @@ impl SlipTruth {
     }
 }
 
-/// What is said once, in the first line of a truth file.
+/// The first line of a truth file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TruthHeader {
     /// `slipbound-truth`.
@@ -159,9 +159,9 @@ pub struct TruthHeader {
     pub format_version: u32,
     /// The version of the simulator.
     pub software_version: String,
-    /// What was run.
+    /// The trial.
     pub trial: Trial,
-    /// The cells that the runs count.
+    /// The grid of the runs.
     pub grid: Grid,
     /// Positions of the markers at rest, in mm on the gel.
     pub markers_at_rest_mm: Vec<Vec2>,
@@ -169,7 +169,7 @@ pub struct TruthHeader {
     pub gross: Option<Gross>,
 }
 
-/// Fills in load fraction and margin, once it is known whether and when gross slip came.
+/// Fills in load fraction and margin, once gross slip is known or the trial has ended.
 pub fn complete(truths: &mut [FrameTruth], gross: Option<Gross>) {
     for truth in truths {
         truth.load_fraction = truth.load.zip(gross).map(|(load, gross)| load / gross.load);
@@ -177,8 +177,8 @@ pub fn complete(truths: &mut [FrameTruth], gross: Option<Gross>) {
     }
 }
 
-/// A mask as lengths of runs: cells that are not in it, then cells that are, and so on in turn. The first may be 0;
-/// a last run of cells that are not in it is left out, so an empty mask has no runs.
+/// A mask as run lengths: cells outside, then cells inside, alternating. The first may be 0; a last run outside is left
+/// out, so an empty mask has no runs.
 pub fn runs(mask: &[bool]) -> Vec<u32> {
     let mut runs = Vec::new();
     let (mut inside, mut length) = (false, 0);

@@ -1,4 +1,4 @@
-//! Dots on no grid.
+//! Dots without a grid.
 
 use crate::drawn::{Random, Truth, draw};
 use crate::{frame, known, number};
@@ -8,16 +8,16 @@ use slipbound::plane::{Homography, Vec2};
 use slipbound::sensor::Polarity;
 use std::collections::BTreeMap;
 
-/// How dots that stand on no grid are scattered.
+/// How dots without a grid are scattered.
 #[derive(Debug, Clone, Copy)]
 enum Cloud {
-    /// Anywhere, over each other too.
+    /// Anywhere, also overlapping.
     Anywhere,
-    /// None nearer to another than seven tenths of the mean distance: as even as dots without order can be.
+    /// None closer to another than seven tenths of the mean distance: as even as dots without order can be.
     Spaced,
 }
 
-/// A picture of dots on no grid.
+/// An image of dots without a grid.
 fn cloud(seed: u64, kind: Cloud, dots_count: usize, polarity: Polarity) -> (Vec<u8>, SizePx) {
     let mut random = Random::new(seed);
     let size = SizePx::new(640, 480);
@@ -42,7 +42,7 @@ fn cloud(seed: u64, kind: Cloud, dots_count: usize, polarity: Polarity) -> (Vec<
     (cover.iter().map(level).collect(), size)
 }
 
-/// A few of many dots always stand as on a grid; a map fitted to those must not be believed.
+/// A few of many dots always fit a grid by chance; a map fitted to those must be rejected.
 #[test]
 fn dots_on_no_grid_are_refused_with_the_reason() {
     let (from, count) = (number("SLIPBOUND_CALIBRATE_FROM", 0), number("SLIPBOUND_CALIBRATE_COUNT", 3));
@@ -66,7 +66,7 @@ fn dots_on_no_grid_are_refused_with_the_reason() {
         }
     }
     println!("refused: {reasons:?}");
-    // Each of these is true of a cloud.
+    // Each of these reasons applies to a cloud.
     let of_clouds = [
         "no grid of markers",
         "grid with holes",
@@ -78,7 +78,8 @@ fn dots_on_no_grid_are_refused_with_the_reason() {
     assert!(reasons.keys().all(|r| of_clouds.contains(&r.as_str())), "{reasons:?}");
 }
 
-/// These clouds have a dozen or two dots as on a grid and a third as many beside it: not glare on a finger, for most dots are elsewhere.
+/// In these clouds a dozen or two dots fit a grid, with a third as many beside it: this is not glare on a finger,
+/// because most dots are elsewhere.
 #[test]
 fn a_few_of_many_dots_on_a_grid_are_no_grid_with_glare() {
     for (seed, kind, dots_count, polarity) in [

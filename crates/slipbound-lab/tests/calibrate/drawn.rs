@@ -6,7 +6,7 @@ use slipbound::image::SizePx;
 use slipbound::plane::{Homography, Vec2};
 use slipbound::sensor::Polarity;
 
-/// A generator good enough for pictures (xorshift64*).
+/// A sufficient generator for images (xorshift64*).
 pub struct Random(u64);
 
 impl Random {
@@ -14,7 +14,7 @@ impl Random {
         Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x2545_F491_4F6C_DD1D)
     }
 
-    /// Even in 0..1.
+    /// Uniform in 0..1.
     pub fn share(&mut self) -> f64 {
         self.0 ^= self.0 >> 12;
         self.0 ^= self.0 << 25;
@@ -32,7 +32,7 @@ impl Random {
     }
 }
 
-/// How a finger's grid of dots comes into the picture.
+/// How a finger's grid of dots is mapped to the image.
 pub struct Truth {
     pub homography: Homography,
     /// Cubic: radial, then mixed terms.
@@ -60,7 +60,7 @@ impl Truth {
     }
 }
 
-/// A finger of numbers.
+/// A synthetic finger.
 struct Finger {
     truth: Truth,
     size: SizePx,
@@ -83,7 +83,7 @@ fn finger(seed: u64) -> Finger {
         false => [SizePx::new(320, 240), SizePx::new(427, 320), SizePx::new(640, 480)][(random.share() * 3.0) as usize],
     };
     let turn = random.within(0.0, std::f64::consts::TAU);
-    // A grid that fills about the picture, whichever way it is turned.
+    // A grid that approximately fills the image, for any rotation.
     let (w, h) = (size.width as f64, size.height as f64);
     let (cos, sin) = (libm::cos(turn).abs(), libm::sin(turn).abs());
     let (wide, high) = if cos > sin { (w, h) } else { (h, w) };
@@ -129,7 +129,7 @@ fn finger(seed: u64) -> Finger {
         let by = Vec2::new(libm::cos(direction), libm::sin(direction)) * diameter_pitch;
         match (doubled, random.share() < 0.5) {
             (false, _) => draw(&mut cover, size, &truth, *node, diameter_pitch),
-            // Seen double, as by a lens: two halves of a bow tie.
+            // Doubled, as by a lens: two halves of a bow tie.
             (true, true) => {
                 draw(&mut cover, size, &truth, *node + by * 0.35, diameter_pitch * 0.8);
                 draw(&mut cover, size, &truth, *node - by * 0.35, diameter_pitch * 0.8);
@@ -154,8 +154,8 @@ fn finger(seed: u64) -> Finger {
     Finger { truth, size, nodes, polarity, pitch_px, diameter_px, grey, what }
 }
 
-/// The same with the reflection of a lamp across it: a bright strip in which the markers are fainter, with a chain of
-/// highlights that look like dots. Returns where these are.
+/// The same with the reflection of a lamp: a bright strip in which the markers are fainter, with a chain of highlights
+/// that look like dots. Returns their positions.
 fn with_glare(finger: &mut Finger, seed: u64) -> Vec<Vec2> {
     let mut random = Random::new(seed ^ 0x61A2E);
     let (w, h) = (finger.size.width as f64, finger.size.height as f64);
@@ -189,7 +189,7 @@ fn with_glare(finger: &mut Finger, seed: u64) -> Vec<Vec2> {
     phantoms
 }
 
-/// A disc of the plane as the camera sees it, with an edge of about a pixel.
+/// A disc of the plane as seen by the camera, with an edge of about a pixel.
 pub fn draw(cover: &mut [f64], size: SizePx, truth: &Truth, centre: Vec2, diameter_pitch: f64) {
     let at = truth.camera(centre);
     let (a, b) = truth.slopes(centre);
@@ -210,7 +210,7 @@ pub fn draw(cover: &mut [f64], size: SizePx, truth: &Truth, centre: Vec2, diamet
     }
 }
 
-/// Glare neither spoils the map nor counts as markers; what cannot be told apart is refused.
+/// Glare neither distorts the map nor counts as markers; ambiguous cases are refused.
 #[test]
 fn a_finger_with_a_strip_of_glare_is_calibrated_from_the_grid_alone() {
     let (from, count) = (number("SLIPBOUND_CALIBRATE_FROM", 0), number("SLIPBOUND_CALIBRATE_COUNT", 20));
@@ -258,7 +258,7 @@ fn a_finger_with_a_strip_of_glare_is_calibrated_from_the_grid_alone() {
     assert!(50 * taken_count <= phantoms_count, "{taken_count} highlights taken for markers");
 }
 
-/// How a finger came out; errors in pitches, RMS.
+/// Calibration result of a finger; errors in pitches, RMS.
 enum Tally {
     Refused,
     Right(f64),
@@ -287,11 +287,11 @@ fn tally(seed: u64) -> Tally {
     }
 }
 
-/// 99 of 100 fingers come out to within 0.03 pitch, and the others are refused.
+/// 99 of 100 fingers are calibrated to within 0.03 pitch, and the others are refused.
 #[test]
 fn a_drawn_finger_is_calibrated_to_three_hundredths_of_a_pitch_or_refused() {
     let (from, count) = (number("SLIPBOUND_CALIBRATE_FROM", 0), number("SLIPBOUND_CALIBRATE_COUNT", 40));
-    // Every seed stands for itself: all cores help.
+    // Every seed is independent, so all cores are used.
     let cores_count = std::thread::available_parallelism().map_or(1, usize::from) as u64;
     let parts: Vec<Tally> = std::thread::scope(|scope| {
         let part =

@@ -1,7 +1,7 @@
-//! Fingers of numbers, drawn and calibrated: perspective, lens, rotation, missing and doubled dots, noise.
+//! Synthetic fingers, drawn and calibrated: perspective, lens, rotation, missing and doubled dots, noise.
 //!
-//! `SLIPBOUND_CALIBRATE_FROM` and `SLIPBOUND_CALIBRATE_COUNT` choose other fingers than the first forty (`.ci/run full`: a hundred), and other
-//! clouds.
+//! `SLIPBOUND_CALIBRATE_FROM` and `SLIPBOUND_CALIBRATE_COUNT` choose other fingers than the first forty
+//! (`.ci/run full`: a hundred), and other clouds.
 
 #![allow(clippy::disallowed_macros)] // a test may print what failed
 
@@ -32,13 +32,13 @@ fn frame(grey: &[u8], size: SizePx) -> Frame<'_> {
     Frame { pixels: Pixels::Gray(Gray::new(grey, size).expect("whole")), seq: 0, time_ns: None }
 }
 
-/// How far the calibrated map puts every node of the grid in view from where it was drawn, in pitches: RMS and worst.
-/// Infinite when nodes are not numbered one after the other.
+/// Distance between the calibrated and the drawn position of every node of the grid in view, in pitches: RMS and worst.
+/// Infinite if nodes are not numbered consecutively.
 fn reprojection_pitch(sensor: &Sensor, truth: &Truth, nodes: &[Vec2], size: SizePx) -> (f64, f64) {
     let pitch = sensor.pitch_px;
     let inside = |p: Vec2| p.x > 2.0 && p.y > 2.0 && p.x < size.width as f64 - 3.0 && p.y < size.height as f64 - 3.0;
     let seen: Vec<(Vec2, Vec2)> = nodes.iter().map(|n| (*n, truth.camera(*n))).filter(|(_, c)| inside(*c)).collect();
-    // The origin of the rectified grid: the phase that most nodes agree on.
+    // The origin of the rectified grid: the phase of most nodes.
     let plane = |c: Vec2| sensor.rectified_from_upright(c).map_or(Vec2::new(f64::NAN, f64::NAN), |p| p / pitch);
     let (middle, _) =
         seen.iter().map(|(n, c)| (*c, n.length())).min_by(|a, b| a.1.total_cmp(&b.1)).expect("a node in view");
@@ -60,7 +60,7 @@ fn reprojection_pitch(sensor: &Sensor, truth: &Truth, nodes: &[Vec2], size: Size
             }
         }
     }
-    // The phase of the grid as the calibration has it: nodes at whole pitches from its margin.
+    // The phase of the grid in the calibration: nodes at whole pitches from its margin.
     let phase = {
         let margin = (0.75 * pitch).round() / pitch;
         Vec2::new(margin, margin)

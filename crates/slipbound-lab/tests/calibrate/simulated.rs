@@ -1,4 +1,4 @@
-//! The simulated finger of the paper with all that is around it.
+//! The simulated finger of the paper with all its surroundings.
 
 use crate::drawn::Truth;
 use crate::{known, number, reprojection_pitch};
@@ -11,8 +11,8 @@ use slipbound_lab::contact::{Displacement, FingerSettings};
 use slipbound_lab::jpeg::Codec;
 use slipbound_lab::render::{Renderer, Surface, Surroundings};
 
-/// The simulated GelSlim at rest with all that is around it: as its camera delivers it, after JPEG 85; its grid of dots without
-/// their jitter, about the middle of the nodes, and where the camera sees it.
+/// The simulated GelSlim at rest with all its surroundings: the camera frame after JPEG 85; its grid of dots without
+/// jitter, about the middle of the nodes, and its position in the camera image.
 fn photograph(seed: u64) -> (Truth, Vec<Vec2>, FrameBuffer, SizePx) {
     let mut camera = Renderer::gelslim(seed).with_surroundings(Surroundings::Full);
     let (sensor, size) = (camera.sensor(), camera.size());
@@ -28,7 +28,7 @@ fn photograph(seed: u64) -> (Truth, Vec<Vec2>, FrameBuffer, SizePx) {
     let pitch_px = sensor.pitch_px;
     let seen: Vec<Vec2> =
         (0..camera.markers_at_rest_mm().len()).map(|i| camera.marker_rectified_px(i, &untouched)).collect();
-    // A dot's jitter is a thirtieth of a pitch: the mean over all is the grid's own place.
+    // A dot's jitter is a thirtieth of a pitch: the mean over all dots is the position of the grid.
     let number = |p: Vec2| Vec2::new(((p - seen[0]).x / pitch_px).round(), ((p - seen[0]).y / pitch_px).round());
     let nodes: Vec<Vec2> = seen.iter().map(|p| number(*p)).collect();
     let origin = seen.iter().zip(&nodes).fold(Vec2::ZERO, |sum, (p, n)| sum + (*p - *n * pitch_px)) / seen.len() as f64;
@@ -39,7 +39,7 @@ fn photograph(seed: u64) -> (Truth, Vec<Vec2>, FrameBuffer, SizePx) {
     (Truth { homography, bend: [0.0; 5], half_span: 1.0 }, nodes, picture, size)
 }
 
-/// Walls, highlights and dirt do not get into the map of the paper's finger.
+/// Walls, highlights and dirt do not affect the map of the paper's finger.
 #[test]
 fn a_simulated_finger_is_calibrated_among_its_surroundings() {
     let (from, count) = (number("SLIPBOUND_CALIBRATE_FROM", 0), number("SLIPBOUND_CALIBRATE_COUNT", 6));
@@ -79,7 +79,8 @@ fn a_simulated_finger_is_calibrated_among_its_surroundings() {
     assert!(100 * refused <= count, "{refused} of {count} refused");
 }
 
-/// The grid that is drawn begins at its first markers: rows of the housing that lie off it, here told without the flip, are none of it.
+/// The drawn grid begins at its first markers: rows of the housing outside it, here given without the flip, are not
+/// part of it.
 #[test]
 fn the_grid_begins_where_its_markers_do() {
     for (seed, flip) in [(0, Flip::None), (1, Flip::None), (2, Flip::Vertical), (3, Flip::None)] {
@@ -95,7 +96,7 @@ fn the_grid_begins_where_its_markers_do() {
             let off_pitch = (drawn - m.camera_px).length() / pitch_px;
             assert!(off_pitch < 0.3, "seed {seed}, {flip:?}: node {:?} is drawn {off_pitch} pitch off", m.node);
         }
-        // As many rows as there are, and a few of what mirrors them.
+        // As many rows as there are, and a few mirrored ones.
         let rows_px = found.sensor.rectified_px().height as f64;
         let true_rows =
             nodes.iter().map(|n| n.y).fold(f64::MIN, f64::max) - nodes.iter().map(|n| n.y).fold(f64::MAX, f64::min);

@@ -1,4 +1,5 @@
-//! A recording that begins untouched, then holds a mass that stands, and ends with the mass hanging -> shear stiffness.
+//! Shear stiffness from a recording that begins untouched, then holds a mass that stands, and ends with the mass
+//! hanging.
 
 use crate::source::ReadAhead;
 use slipbound::calibrate::{
@@ -12,11 +13,11 @@ use slipbound::sensor::{Sensor, Shear};
 use slipbound::setting::SettingError;
 use std::ops::Range;
 
-/// Shear modulus over thickness that a gel can have, MPa/mm: gels of tactile fingers have a modulus of 0.05 to 0.2 MPa and
-/// are 1 to 6 mm thick, 0.008 to 0.2 MPa/mm; ten times more either way for what the model leaves out.
+/// Plausible shear modulus over thickness of a gel, MPa/mm. Gels of tactile fingers have a modulus of 0.05 to 0.2 MPa
+/// and are 1 to 6 mm thick, 0.008 to 0.2 MPa/mm; a factor of ten either way covers what the model leaves out.
 const GEL_MPA_PER_MM: [f64; 2] = [0.0008, 2.0];
 
-/// Pitch of a grid of which it is not known, mm; that of the GelSlim is 1.5.
+/// Range assumed for an unknown marker pitch, mm; that of the GelSlim is 1.5.
 const PITCHES_MM: [f64; 2] = [1.0, 3.0];
 
 /// What hangs on the finger, and when.
@@ -30,7 +31,7 @@ pub struct HangingMass {
     pub held: Option<Range<u64>>,
     /// Numbers of the frames in which it hangs; None: those at the end in which nothing moves.
     pub hanging: Option<Range<u64>>,
-    /// What the recording is called in the provenance.
+    /// Name of the recording in the provenance.
     pub recording: String,
 }
 
@@ -39,7 +40,7 @@ pub struct HangingMass {
 pub struct MeasuredShear {
     /// The stiffness.
     pub shear: Shear,
-    /// Frames that did not arrive whole and were left out.
+    /// Torn frames, which were left out.
     pub torn_count: usize,
 }
 
@@ -49,16 +50,16 @@ pub enum HangingMassError {
     /// The source failed.
     #[error("{0}")]
     Source(SourceError),
-    /// A frame does not hold what its size says.
+    /// The data of a frame do not match its size.
     #[error(transparent)]
     Frame(#[from] ImageError),
-    /// No whole frame came.
+    /// No complete frame arrived.
     #[error("expected a recording, got no whole frame")]
     NoFrame,
     /// The sensor does not fit the frames.
     #[error(transparent)]
     Sensor(#[from] SettingError),
-    /// The first frames make no rest frame.
+    /// The first frames give no rest frame.
     #[error(transparent)]
     Rest(#[from] RestError),
     /// The finger is never seen untouched.
@@ -67,7 +68,7 @@ pub enum HangingMassError {
     /// The held and the hanging frames give no stiffness.
     #[error(transparent)]
     Shear(#[from] ShearError),
-    /// No gel is that soft or stiff: the mass is not the one that hangs there.
+    /// No gel is that soft or stiff: another mass hangs there.
     #[error(
         "--weight-g {mass_g}: expected grams that give a stiffness from {low:.4} to {high:.1} N per marker and pitch, \
          got {got:.6} (is it the mass in grams, and are the --fingers those that share it?)",
@@ -77,9 +78,9 @@ pub enum HangingMassError {
     Implausible {
         /// The mass, g.
         mass_g: f64,
-        /// What a gel can have, N per marker and pitch.
+        /// The plausible range, N per marker and pitch.
         expected_n_per_pitch: [f64; 2],
-        /// What it would have.
+        /// The stiffness that results.
         got: f64,
     },
 }
@@ -119,7 +120,7 @@ impl HangingMass {
     }
 }
 
-/// The stiffness that a gel can have, N per marker and pitch.
+/// The plausible stiffness of a gel, N per marker and pitch.
 fn plausible_n_per_pitch(sensor: &Sensor) -> [f64; 2] {
     let pitches_mm = sensor.pitch_mm.map_or(PITCHES_MM, |pitch_mm| [pitch_mm; 2]);
     [0, 1].map(|i| GEL_MPA_PER_MM[i] * pitches_mm[i].powi(3))
@@ -127,7 +128,7 @@ fn plausible_n_per_pitch(sensor: &Sensor) -> [f64; 2] {
 
 /// A monitor whose rest frame is the start of the recording, untouched.
 fn monitor_from_start(source: &mut ReadAhead, sensor: &Sensor) -> Result<SlipMonitor, HangingMassError> {
-    // Without the stiffness, which is sought here, markers tell more surely than an estimate whether the mass slips.
+    // The stiffness is not known yet, and without it markers show slip more reliably than an estimate.
     let settings = Settings::default().with(|s| s.slip.rule = SlipRule::Markers);
     let window_count = settings.rest.window_count as usize;
     let mut whole = source.read_ahead(window_count).filter(|ahead| ahead.torn.is_none()).peekable();

@@ -1,20 +1,23 @@
-//! Edge thresholds above what the bare weave of a fabric skin shows.
+//! Edge thresholds above the response of the bare weave of a fabric skin.
 //!
-//! Contact on a fabric skin is where Canny's edges are dense. How strong the edges of the bare weave are depends on camera, light and the
-//! mixture of colours, so thresholds of another finger may see contact everywhere. They are raised until the frames at rest show none.
+//! On a fabric skin, contact is detected where Canny's edges are dense. The edge strength of the bare weave depends on
+//! camera, light and colour mixture, so thresholds of another finger may detect contact everywhere. They are raised
+//! until the frames at rest show none.
 
 use slipbound::calibrate::Calibration;
 use slipbound::image::Frame;
 use slipbound::monitor::{RestBuilder, Settings};
 use slipbound::sensor::{Sensor, Skin};
 
-/// From one step to the next, so that few are tried: 90, 113, 141, 176, 220, ...
+/// Factor from step to step, so that few are tried: 90, 113, 141, 176, 220, ...
 const STEP_FACTOR: f64 = 1.25;
-/// An imprint of the simulated GelSlim is seen up to twice the last of these; where more is needed something touches the finger.
+/// An imprint of the simulated GelSlim is detected up to twice the last step; if more is needed, something touches the
+/// finger.
 const STEPS_MOST: u32 = 6;
 
-/// Raises the thresholds of a calibrated fabric skin until none of the averaged frames looks touched; the low and the high threshold
-/// of its first band then. None where nothing was to be done, and where it was of no use: then they stay as they were.
+/// Raises the thresholds of a calibrated fabric skin until none of the averaged frames shows contact; returns the low
+/// and the high threshold of its first band. None if no change is needed, and if raising does not help: the thresholds
+/// then stay unchanged.
 pub fn raise_edges(frames: &[Frame<'_>], calibration: &mut Calibration) -> Option<[u16; 2]> {
     let [first, last] = calibration.averaged;
     let frames = frames.get(first..=last)?;

@@ -1,4 +1,4 @@
-//! A calibration as a commented sensor file, and as a picture with the grid drawn in.
+//! A calibration as a commented sensor file, and as an image with the grid drawn in.
 
 use crate::overlay;
 use slipbound::calibrate::Calibration;
@@ -22,7 +22,7 @@ pub fn sensor_file(calibration: &Calibration) -> String {
     head + &facts(sensor)
 }
 
-/// The facts as TOML with what is behind each.
+/// The facts as TOML, each with its origin.
 fn facts(sensor: &Sensor) -> String {
     let mut out = String::new();
     let mut line = |text: String| {
@@ -95,7 +95,7 @@ fn rectification(r: &Rectification) -> String {
             .to_owned();
     for row in r.homography.0 {
         let row: Vec<String> = row.iter().map(|v| number(*v)).collect();
-        let _ = writeln!(text, "  [{}],", row.join(", ")); // a String takes all
+        let _ = writeln!(text, "  [{}],", row.join(", ")); // a String accepts everything
     }
     let _ = write!(text, "]\ncrop_px = {:?}", r.crop_px);
     if let Some(d) = &r.distortion {
@@ -128,7 +128,7 @@ pub fn shear_table(shear: &Shear) -> String {
     )
 }
 
-/// A number as TOML has it, to ten digits.
+/// A number in TOML, to ten digits.
 fn number(value: f64) -> String {
     let rounded: f64 = format!("{value:.9e}").parse().unwrap_or(value);
     let text = match rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs()) {
@@ -138,12 +138,12 @@ fn number(value: f64) -> String {
     if text.contains(['.', 'e']) { text } else { format!("{text}.0") }
 }
 
-/// A string as TOML has it.
+/// A string in TOML.
 fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
 }
 
-/// Writes the averaged picture with the grid drawn in as a PNG.
+/// Writes the averaged image with the grid drawn in as a PNG.
 pub fn write_grid_picture(path: &Path, calibration: &Calibration) -> Result<(), overlay::Error> {
     let (rgb, size) = overlay::grid_picture(calibration);
     overlay::write_png(path, &rgb, size.width as u32, size.height as u32, 0)
@@ -170,7 +170,7 @@ mod tests {
         }
     }
 
-    /// What is written is read back: every fact, to ten digits.
+    /// Reading returns what was written: every fact, to ten digits.
     #[test]
     fn the_file_says_what_was_found() {
         let terms: Vec<f64> = (0..21).map(|i| f64::from(i * i) * 0.25 - 20.0).collect();

@@ -1,4 +1,4 @@
-//! A measured shear stiffness put into a sensor file that exists already.
+//! Puts a measured shear stiffness into an existing sensor file.
 
 use super::sensor_file::shear_table;
 use crate::config::read_most;
@@ -17,7 +17,7 @@ pub enum ShearFileError {
         /// The operating system's reason.
         source: io::Error,
     },
-    /// The sensor file extends another by a relative path, which holds in its own folder alone.
+    /// The sensor file extends another by a relative path, which is valid only in its own folder.
     #[error(
         "expected a file in the folder of {}, which extends another, got {}", path.display(), output.display()
     )]
@@ -29,8 +29,8 @@ pub enum ShearFileError {
     },
 }
 
-/// The text of the sensor's own file with the shear stiffness in place of an older one; for a built-in finger a file that
-/// extends it. `sensor`: a built-in name or a sensor file; `output`: where the text will be written.
+/// The text of the sensor's own file, with the shear stiffness replacing an older one; for a built-in finger a file
+/// that extends it. `sensor`: a built-in name or a sensor file; `output`: where the text will be written.
 pub fn sensor_file_with_shear(sensor: &str, output: &Path, shear: &Shear) -> Result<String, ShearFileError> {
     let (path, table) = (Path::new(sensor), shear_table(shear));
     if !path.exists() {

@@ -30,9 +30,9 @@ pub enum Error {
         file: String,
         /// The key, dotted.
         key: String,
-        /// The known key most like it, if one is.
+        /// The most similar known key, if there is one.
         nearest: Option<String>,
-        /// All keys that may stand there.
+        /// All keys that are allowed there.
         expected: Vec<String>,
     },
     /// A value of the wrong type, or a key that is missing.
@@ -53,7 +53,7 @@ pub enum Error {
         /// Key, expected, got.
         source: SettingError,
     },
-    /// It is longer than any such file.
+    /// It is too long.
     #[error("{file}: expected at most {most_bytes} bytes of TOML, got {got}")]
     TooLong {
         /// The file.
@@ -63,7 +63,7 @@ pub enum Error {
         /// Its length, bytes; `more` for a device or pipe that does not say.
         got: String,
     },
-    /// It is not text at all.
+    /// It is not text.
     #[error("{file}: expected TOML, got bytes that are no text")]
     NotText {
         /// The file.
@@ -80,20 +80,20 @@ pub enum Error {
     /// A name that is neither `paper` nor a file.
     #[error("no settings are called `{name}`: expected `paper` or FILE.toml, and there is no such file")]
     UnknownSettings {
-        /// The word.
+        /// The name.
         name: String,
     },
     /// A name that is neither a built-in finger nor a file.
     #[error("no built-in sensor is called `{name}`: expected FILE.toml or a built-in name; {}", known(nearest.as_deref(), names))]
     UnknownSensor {
-        /// The name asked for.
+        /// The requested name.
         name: String,
-        /// The built-in name most like it, if one is.
+        /// The most similar built-in name, if there is one.
         nearest: Option<String>,
-        /// The names there are.
+        /// The known names.
         names: Vec<String>,
     },
-    /// A sensor file that extends itself by way of others.
+    /// A sensor file that extends itself through others.
     #[error("{file}: extends: expected a sensor that does not lead back here, got `{extends}`")]
     Circle {
         /// The file.

@@ -29,7 +29,7 @@ use std::path::Path;
 pub struct HandConfig {
     /// Name of the hand.
     pub name: String,
-    /// One to [`FINGERS_MOST`] fingers; names and serials differ, and of several some are on either side.
+    /// One to [`FINGERS_MOST`] fingers; names and serials differ, and if there are several, both sides have some.
     pub fingers: Vec<FingerConfig>,
 }
 
@@ -83,7 +83,7 @@ struct Axes {
     y: Axis,
 }
 
-/// What is wrong with axes.
+/// What is wrong with the axes.
 enum Wrong {
     NotSquare,
     Mirrored,
@@ -103,11 +103,11 @@ impl Axes {
     }
 }
 
-/// Longest name of a finger, signs.
+/// Longest name of a finger, characters.
 const LONGEST_NAME_COUNT: usize = 64;
 
-/// A name that a finger can have: it names files, folders and topics as it is, on every system. What was expected and got
-/// otherwise.
+/// Checks the name of a finger: it is used unchanged for files, folders and topics, on every system. The error states
+/// what was expected and got.
 pub fn finger_name(name: &str) -> Result<String, SettingError> {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
     if (1..=LONGEST_NAME_COUNT).contains(&name.len()) && name.chars().all(is_plain) {
@@ -151,7 +151,7 @@ pub fn load(path: &Path) -> Result<HandConfig, Error> {
         if let Err(SettingError { expected, got, .. }) = finger_name(&f.name) {
             return refuse(key("name"), &expected, got);
         }
-        // Some systems do not tell `Left` from `left`.
+        // Some systems do not distinguish `Left` from `left`.
         if fingers.iter().any(|other| other.name.eq_ignore_ascii_case(&f.name)) {
             return refuse(key("name"), "a name of its own", format!("`{}`", f.name));
         }
@@ -179,7 +179,7 @@ pub fn load(path: &Path) -> Result<HandConfig, Error> {
         }
         fingers.push(FingerConfig { name: f.name, serial: f.serial, sensor, mounting });
     }
-    // Nothing is held between fingers of one side.
+    // Fingers on one side only cannot hold anything.
     if let [first, .., last] = &fingers[..]
         && fingers.iter().all(|finger| finger.mounting.side == first.mounting.side)
     {
@@ -207,8 +207,8 @@ mod tests {
         load(&path)
     }
 
-    /// An image whose x points along Y and whose y points to the wrist is turned by a quarter: what moves along the
-    /// fingers' X then moves along -y of the image, and that is what the core makes of it.
+    /// An image whose x points along Y and whose y points to the wrist is rotated by a quarter turn: a motion along the
+    /// fingers' X is then a motion along -y of the image, and the core converts it so.
     #[test]
     fn axes_are_the_same_as_a_side_and_an_angle() {
         let hand = read(HAND).expect("valid");

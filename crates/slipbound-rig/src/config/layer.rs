@@ -1,5 +1,5 @@
-//! One TOML file, and a typed value from several of them: a mistake is reported with the file, the key, what was
-//! expected and what is there.
+//! One TOML file, and a typed value from several of them. An error names the file, the key, what was expected and what
+//! was found.
 
 use super::error::Error;
 use serde::de::DeserializeOwned;
@@ -30,10 +30,10 @@ impl Layer {
     }
 }
 
-/// Longest file taken for settings, bytes: a sensor file of 4000 markers has a tenth of that.
+/// Longest settings file, bytes: a sensor file of 4000 markers has a tenth of that.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// A file of text, of at most 1 MiB; a device or pipe that never ends is read no further.
+/// Reads a text file of at most 1 MiB; a device or pipe that never ends is read no further.
 pub(crate) fn read_text(path: &Path) -> Result<String, Error> {
     String::from_utf8(read_bytes(path)?).map_err(|_| Error::NotText { file: path.display().to_string() })
 }
@@ -51,12 +51,12 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
     Ok(bytes)
 }
 
-/// The same for other files of TOML.
+/// The same for other TOML files.
 pub(crate) fn read_most(path: &Path) -> io::Result<String> {
     read_text(path).map_err(without_path)
 }
 
-/// The same for one that is passed on as it is.
+/// The same for a file that is passed on unchanged.
 pub(crate) fn read_most_bytes(path: &Path) -> io::Result<Vec<u8>> {
     read_bytes(path).map_err(without_path)
 }
@@ -71,7 +71,7 @@ fn without_path(error: Error) -> io::Error {
     }
 }
 
-/// A typed value from merged layers; the first layer that holds the key is the one to blame.
+/// A typed value from merged layers; an error names the first layer that holds the key.
 pub(crate) fn typed<T: DeserializeOwned>(merged: Table, layers: &[Layer]) -> Result<T, Error> {
     serde_path_to_error::deserialize(Value::Table(merged)).map_err(|e| {
         let path = e.path().to_string();
@@ -97,7 +97,7 @@ pub(crate) fn typed<T: DeserializeOwned>(merged: Table, layers: &[Layer]) -> Res
     })
 }
 
-/// What the parser says, without its second line (the key, which we name ourselves) and without Rust's names of types.
+/// The parser's message, without its second line (the key, which we name ourselves) and without Rust type names.
 fn in_words(problem: &str) -> String {
     let first = problem.lines().next().unwrap_or_default();
     let Some((said, kind)) = first.rsplit_once("expected ") else {

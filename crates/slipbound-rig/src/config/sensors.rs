@@ -1,4 +1,4 @@
-//! The fingers that are known: a sensor file each, built in from `sensors/` or written by the user.
+//! Known fingers: one sensor file each, built in from `sensors/` or written by the user.
 //!
 //! ```toml
 //! extends = "gelslim"       # a built-in name, or a file beside this one
@@ -27,8 +27,8 @@ pub fn load(name_or_file: &str) -> Result<Sensor, Error> {
     checked(&layers(name_or_file, Path::new(""))?)
 }
 
-/// A finger from the text of a sensor file; in messages the text is called `what`. A file that it extends is looked for
-/// in the folder the program runs in.
+/// A finger from the text of a sensor file; messages call the text `what`. A file that it extends is searched in the
+/// working directory.
 pub fn parse(text: &str, what: &str) -> Result<Sensor, Error> {
     checked(&extended(Layer::parse(what.to_owned(), text)?, Vec::new(), PathBuf::new())?)
 }
@@ -38,7 +38,7 @@ pub fn to_toml(sensor: &Sensor) -> Result<String, toml::ser::Error> {
     toml::to_string(sensor)
 }
 
-/// The built-in fingers whose frames have just this size.
+/// The built-in fingers whose frames have exactly this size.
 pub fn of_frames(size: SizePx) -> Result<Vec<Sensor>, Error> {
     let all: Result<Vec<Sensor>, Error> = names().map(load).collect();
     Ok(all?.into_iter().filter(|sensor| sensor.image_px == size).collect())
@@ -55,13 +55,13 @@ fn checked(layers: &[Layer]) -> Result<Sensor, Error> {
     Ok(sensor)
 }
 
-/// The file asked for, then what it extends, then what that extends.
+/// The requested file, then the one that it extends, and so on.
 fn layers(name_or_file: &str, folder: &Path) -> Result<Vec<Layer>, Error> {
     let (layer, at, folder) = layer(name_or_file, folder)?;
     extended(layer, vec![at], folder)
 }
 
-/// A layer with all that it extends. `seen`: the files read so far; `folder`: where it looks for others.
+/// A layer with all that it extends. `seen`: the files read so far; `folder`: where others are searched.
 fn extended(first: Layer, mut seen: Vec<PathBuf>, mut folder: PathBuf) -> Result<Vec<Layer>, Error> {
     let mut layers = vec![first];
     loop {
@@ -87,7 +87,7 @@ fn extended(first: Layer, mut seen: Vec<PathBuf>, mut folder: PathBuf) -> Result
     }
 }
 
-/// The path of a file, and what tells it from others; None and the name itself for a built-in name.
+/// The path of a file, and its identity; None and the name itself for a built-in name.
 fn place(wanted: &str, folder: &Path) -> (Option<PathBuf>, PathBuf) {
     let is_file = wanted.ends_with(".toml") || wanted.contains(['/', '\\']);
     let path = folder.join(wanted);
@@ -97,7 +97,7 @@ fn place(wanted: &str, folder: &Path) -> (Option<PathBuf>, PathBuf) {
     }
 }
 
-/// A file or a built-in finger, what tells it from others, and the folder in which it looks for what it extends.
+/// A file or a built-in finger, its identity, and the folder in which the files that it extends are searched.
 fn layer(wanted: &str, folder: &Path) -> Result<(Layer, PathBuf, PathBuf), Error> {
     match place(wanted, folder) {
         (Some(path), at) => {
@@ -119,7 +119,7 @@ fn built_in(name: &str) -> Result<Layer, Error> {
     }
 }
 
-/// Puts one table over another: tables key by key, everything else whole.
+/// Merges one table over another: tables key by key, everything else as a whole.
 fn lay_over(under: &mut Table, over: Table) {
     for (key, value) in over {
         match (under.get_mut(&key), value) {
@@ -156,7 +156,7 @@ mod tests {
         assert_eq!((sensor.image_px, sensor.rectified_px()), (SizePx::new(427, 320), SizePx::new(327, 320)));
         assert_eq!((sensor.pitch_px, sensor.pitch_mm), (15.2, Some(1.5)));
         assert_eq!((sensor.flip, sensor.skin, sensor.edge_bands.len()), (Flip::Vertical, Skin::Fabric, 2));
-        // The middle of the gel is seen near the middle of the picture.
+        // The middle of the gel is seen near the middle of the image.
         let middle = sensor.camera_from_rectified(Vec2::new(163.0, 160.0));
         assert!((middle - Vec2::new(213.0, 160.0)).length() < 60.0, "{middle:?}");
     }

@@ -18,7 +18,7 @@ pub fn load_settings(name_or_file: &str) -> Result<Settings, Error> {
     checked(Layer::read(path)?)
 }
 
-/// Settings from the text of a settings file, whose keys replace the defaults; in messages it is called `what`.
+/// Settings from the text of a settings file, whose keys replace the defaults; messages call it `what`.
 pub fn parse_settings(text: &str, what: &str) -> Result<Settings, Error> {
     checked(Layer::parse(what.to_owned(), text)?)
 }
@@ -34,12 +34,12 @@ pub fn settings_to_toml(settings: &Settings) -> Result<String, toml::ser::Error>
     toml::to_string(settings)
 }
 
-/// Task settings from the text of a file, whose keys replace the defaults; in messages it is called `what`.
+/// Task settings from the text of a file, whose keys replace the defaults; messages call it `what`.
 pub fn parse_task_settings(text: &str, what: &str) -> Result<TaskSettings, Error> {
     task_settings(Layer::parse(what.to_owned(), text)?)
 }
 
-/// All settings of a task: the defaults, with the keys of a TOML file over them if there is one.
+/// All settings of a task: the defaults, overridden by the keys of a TOML file if there is one.
 pub fn load_task_settings(file: Option<&Path>) -> Result<TaskSettings, Error> {
     let Some(path) = file else { return Ok(TaskSettings::default()) };
     task_settings(Layer::read(path)?)

@@ -1,4 +1,4 @@
-//! What was found on a picture, as lines over it: `foxglove.ImageAnnotations`, in protocol buffers.
+//! Results on an image, as lines over it: `foxglove.ImageAnnotations`, in protocol buffers.
 //!
 //! ```text
 //!   green   from where a marker was at rest to where it is now      three lines a marker: shaft and two of its head
@@ -6,7 +6,7 @@
 //!   text    the verdict
 //! ```
 //!
-//! Lines are in the camera's pixels, as the picture is; a marker that was not found has none.
+//! Lines are in the camera's pixels, as the image is; a marker that was not found has none.
 
 use super::foxglove::{
     DOUBLE, FIELD_OF_MESSAGES, MESSAGE, STRING, TIMESTAMP, TypedField, file, put_stamp, typed_message,
@@ -21,11 +21,11 @@ pub const SCHEMA: &str = "foxglove.ImageAnnotations";
 
 /// Points of an arrow: three lines.
 pub const ARROW_POINTS_COUNT: usize = 6;
-/// Length of the head's two lines as a share of the shaft, and how far they stand off it.
+/// Length of the head's two lines, and their distance from the shaft, as fractions of the shaft.
 const HEAD_FRACTION: (f64, f64) = (0.3, 0.15);
 /// Kind of a list of lines, each of two points.
 const LINE_LIST: u64 = 4;
-/// Red, green, blue and how opaque, 0 to 1.
+/// Red, green, blue and opacity, 0 to 1.
 type Rgba = [f64; 4];
 const MOVED: Rgba = [0.1, 0.8, 0.2, 0.9];
 const SLIPS: Rgba = [0.95, 0.1, 0.1, 1.0];
@@ -39,7 +39,8 @@ const ENUM: u64 = 14;
 const POINT: &str = ".foxglove.Point2";
 const COLOR: &str = ".foxglove.Color";
 
-/// The description (`FileDescriptorSet`) of [`SCHEMA`], with the circles that are never written: readers look for them.
+/// The description (`FileDescriptorSet`) of [`SCHEMA`], with the circles, which are never written: readers look for
+/// them.
 pub fn description() -> Vec<u8> {
     let one = |name, number, kind| TypedField { name, number, kind, of: "", is_repeated: false };
     let of = |name, number, of| TypedField { name, number, kind: MESSAGE, of, is_repeated: false };
@@ -112,7 +113,7 @@ fn kinds_of_points() -> Vec<u8> {
     out
 }
 
-/// The message of a judged frame of this time, ns.
+/// The message for a judged frame with this time, ns.
 pub fn write(sensor: &Sensor, report: &SlipReport, markers: &[Marker], stamp_ns: u64) -> Vec<u8> {
     let found = markers.iter().filter(|marker| marker.matched);
     let mut out = Vec::with_capacity(128 * markers.len() + 200);

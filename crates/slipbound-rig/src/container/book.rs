@@ -1,4 +1,4 @@
-//! The file of a recording: its schemas, a channel a topic, messages.
+//! The file of a recording: its schemas, one channel per topic, messages.
 
 use super::{annotations, foxglove};
 use mcap::records::{MessageHeader, Metadata, op};
@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
 
-/// How the library is named that wrote a recording of ours; its version follows.
+/// Library name in our recordings; its version follows.
 pub(super) const LIBRARY: &str = "slipbound ";
 
 /// A chunk is closed beyond this size, bytes.
@@ -15,7 +15,7 @@ const CHUNK_BYTES: u64 = 8 << 20;
 
 /// The schema of a report, the same as that of its JSON lines.
 const REPORT_SCHEMA: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/report.schema.json"));
-/// A schema that says no more than that it is an object.
+/// A schema that accepts any object.
 const OBJECT_SCHEMA: &[u8] = br#"{"type":"object"}"#;
 const FRAME_SCHEMA: &[u8] =
     br#"{"type":"object","title":"slipbound.Frame","required":["seq","time_ns","clock","fate","torn","is_kept"],
@@ -25,9 +25,9 @@ const FRAME_SCHEMA: &[u8] =
 /// What a message is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
-    /// A picture as it was received.
+    /// An image as it was received.
     Compressed,
-    /// A picture as pixels.
+    /// An image as pixels.
     Raw,
     /// A [`FrameRecord`](super::FrameRecord).
     Frame,
@@ -39,12 +39,12 @@ pub enum Kind {
     Event,
     /// A line of `frames.jsonl` of a run.
     CycleFrames,
-    /// What was found on a picture, to be drawn over it.
+    /// Results on an image, to be drawn over it.
     Annotations,
 }
 
 impl Kind {
-    /// All, in the order of their numbers.
+    /// All, in numerical order.
     const ALL: [Kind; 8] = [
         Kind::Compressed,
         Kind::Raw,
@@ -56,7 +56,7 @@ impl Kind {
         Kind::Annotations,
     ];
 
-    /// That of a topic with lines of JSON.
+    /// The kind of a topic with lines of JSON.
     pub fn of_lines(topic: &str) -> Self {
         match topic {
             "/event" => Kind::Event,
@@ -85,12 +85,12 @@ impl Kind {
     }
 }
 
-/// When a message was handed in, and what time it is of, ns.
+/// Times of a message, ns.
 #[derive(Debug, Clone, Copy)]
 pub struct Times {
-    /// Handed in.
+    /// When it was handed in.
     pub log_ns: u64,
-    /// Of the frame, or the same.
+    /// Time of the frame, or the same.
     pub stamp_ns: u64,
 }
 
@@ -101,7 +101,7 @@ impl Times {
     }
 }
 
-/// How a file ends whose program was killed: end of the data and footer without checksum or summary, magic.
+/// The end of a file whose program was killed: end of data and a footer without checksum or summary, magic.
 ///
 /// ```text
 ///   kind 15, length 4, 0 | kind 2, length 20, 0, 0, 0 | magic
@@ -117,14 +117,14 @@ const END: [u8; 50] = {
     end
 };
 
-/// A recording that is being written, without any thread. Dropped before [`Book::finish`], it ends as that of a program that was
-/// killed, with all that was written: who reads it is told that it is cut off.
+/// A recording that is being written, without any thread. If dropped before [`Book::finish`], it keeps what was written
+/// and ends like that of a killed program: its reader is told that it is cut off.
 pub struct Book {
     /// None once it is finished.
     writer: Option<Writer<BufWriter<File>>>,
-    /// The same file at the same place; None where there is no going back in it, as in a pipe.
+    /// The same file at the same position; None where seeking is not possible, as in a pipe.
     end: Option<File>,
-    /// By topic and kind: a source may give pictures now and pixels then.
+    /// By topic and kind: a source may give encoded images at one time and pixels at another.
     channels: BTreeMap<(String, Kind), u16>,
     schemas: [u16; Kind::ALL.len()],
 }
@@ -133,8 +133,8 @@ impl Book {
     /// Begins the file: chunks are not compressed.
     pub fn create(file: File) -> Result<Self, McapError> {
         let library = format!("{LIBRARY}{}", env!("CARGO_PKG_VERSION"));
-        // A chunk goes to the file when it is whole: of one that is written as it grows, a killed program leaves a head that
-        // claims 2^64 bytes, at which other readers stop, or fail.
+        // A chunk is written when it is complete. If it were written as it grows, a killed program would leave a head
+        // that claims 2^64 bytes, at which other readers stop or fail.
         let options = WriteOptions::new().library(library).compression(None).chunk_size(Some(CHUNK_BYTES));
         let options = options.disable_seeking(true);
         let mut end = file.metadata()?.is_file().then(|| file.try_clone()).transpose()?;
@@ -180,8 +180,8 @@ impl Book {
         open(&mut self.writer)?.write_metadata(&Metadata { name, metadata: facts })
     }
 
-    /// Closes the chunk, so that it is not lost. The file ends as one does until more is written in place of its end: readers
-    /// that look there first, as that of PyPI's `mcap`, read nothing of a file without.
+    /// Closes the chunk, so that it is not lost, and writes an end of file, which later chunks overwrite: readers that
+    /// look there first, such as PyPI's `mcap`, read nothing from a file without one.
     pub fn flush(&mut self) -> Result<(), McapError> {
         open(&mut self.writer)?.flush()?;
         if let Some(end) = &mut self.end {
@@ -198,7 +198,7 @@ impl Book {
         finished.map(drop)
     }
 
-    /// Lets the file go as it is: the library would finish it.
+    /// Releases the file as it is: the library would finish it.
     fn close(&mut self) {
         drop(self.writer.take().map(Writer::into_inner));
     }
@@ -207,13 +207,13 @@ impl Book {
 impl Drop for Book {
     fn drop(&mut self) {
         if self.writer.is_some() {
-            let _ = self.flush(); // whoever drops it has failed already, and tells why
+            let _ = self.flush(); // whoever drops it has failed already, and reports why
             self.close();
         }
     }
 }
 
-/// The writer of a book that is not finished: every other is gone.
+/// The writer of an unfinished book.
 fn open(writer: &mut Option<Writer<BufWriter<File>>>) -> Result<&mut Writer<BufWriter<File>>, McapError> {
     writer.as_mut().ok_or_else(|| McapError::Io(std::io::Error::other("it is finished")))
 }

@@ -1,4 +1,4 @@
-//! ROS 2 messages of pictures as they lie in a bag: `sensor_msgs/msg/CompressedImage` and `Image` in CDR.
+//! ROS 2 image messages as stored in a bag: `sensor_msgs/msg/CompressedImage` and `Image` in CDR.
 //!
 //! ```text
 //!   00 01 00 00 | int32 s | uint32 ns | string frame_id | .. fields; each aligned to its own size, counted after byte 4
@@ -6,12 +6,12 @@
 
 use super::foxglove::Picture;
 
-/// The schema of a compressed picture.
+/// The schema of a compressed image.
 pub const COMPRESSED: &str = "sensor_msgs/msg/CompressedImage";
-/// The schema of a picture as pixels.
+/// The schema of an image as pixels.
 pub const RAW: &str = "sensor_msgs/msg/Image";
 
-/// Reads a message of either schema; None where it is none.
+/// Reads a message of either schema; None for anything else.
 pub fn read<'a>(schema: &str, message: &'a [u8]) -> Option<Picture<'a>> {
     let (head, fields) = message.split_first_chunk::<4>()?;
     let mut reader = Reader { bytes: fields, at: 0, is_little_endian: head[1] & 1 == 1 };
@@ -53,7 +53,7 @@ impl<'a> Reader<'a> {
         Some(bytes)
     }
 
-    /// A text, which ends with a zero.
+    /// A text, terminated by a zero.
     fn text(&mut self) -> Option<&'a str> {
         let bytes = self.bytes()?;
         std::str::from_utf8(bytes.strip_suffix(&[0]).unwrap_or(bytes)).ok()

@@ -8,8 +8,8 @@
 //!   every other file                              attachment of that name
 //! ```
 //!
-//! Annotations are left out on the way to a folder: they follow from frames and reports. So are frames that came as pixels,
-//! for a folder holds encoded ones; they are counted.
+//! A folder has no annotations: they follow from frames and reports. Frames that came as pixels are left out too,
+//! because a folder holds encoded ones; they are counted.
 
 use super::book::{Book, Kind, Times};
 use super::foxglove;
@@ -27,17 +27,17 @@ use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Component, Path, PathBuf};
 
-/// Files of lines, and the topics of their lines.
+/// Files of JSON lines, and the topics of their lines.
 const LINES: [(&str, &str); 3] =
     [("frames.jsonl", "/cycle/frames"), ("reports.jsonl", "/cycle"), ("events.jsonl", "/event")];
-/// How the files of a finger's frame records, of its reports, and of facts end.
+/// Endings of the files with a finger's frame records, its reports, and facts.
 const RECORDS: &str = ".frames.jsonl";
 const REPORT: &str = ".report.jsonl";
 const FACTS: &str = ".metadata.json";
 /// Media type of settings.
 const TOML: &str = "text/toml";
 
-/// What was carried over, and what was not.
+/// What was converted, and what was not.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Converted {
     /// Frames.
@@ -46,7 +46,7 @@ pub struct Converted {
     pub lines_count: u64,
     /// Other files.
     pub files_count: u64,
-    /// What has no place in the other form, in words.
+    /// What the other form cannot hold, in words.
     pub left_out: Vec<String>,
 }
 
@@ -72,7 +72,7 @@ pub enum ConvertError {
     },
 }
 
-/// Writes the run in `folder` into a recording, which is replaced once it is whole: on a failure what was there stays.
+/// Writes the run in `folder` into a recording, which is replaced once it is complete: on failure the old one stays.
 pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
     let read = |path: &Path| fs::read(path).map_err(|source| Error::Read { path: path.to_owned(), source });
     let mut names = Vec::new();
@@ -88,7 +88,7 @@ pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
         let problem = "expected a run folder with run.toml or NAME.frames.jsonl, got neither".into();
         return Err(Error::Syntax { path: folder.to_owned(), problem }.into());
     }
-    // Settings of any length would be carried into it, and nothing reads those.
+    // Settings files beyond a size limit are refused: nothing could read them later.
     let mut settings = HashMap::new();
     for name in names.iter().filter(|name| media_type(name) == TOML) {
         let path = folder.join(name);
@@ -114,7 +114,7 @@ pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
             converted.files_count += 1;
         }
     }
-    // Each topic's lines stay in their order, whatever their times say.
+    // Each topic's lines keep their order, whatever their times are.
     lines.sort_by_key(|line| line.time_ns);
     let fingers: Vec<String> = run_fingers(folder).unwrap_or_default();
     for Dated { topic, time_ns, json } in &lines {
@@ -128,7 +128,7 @@ pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
             let frames = listed(&text).map_err(wrong_line)?;
             for (finger, frame) in fingers.iter().zip(frames).filter_map(|(name, frame)| Some((name, frame?))) {
                 if names.contains(&format!("{finger}{RECORDS}")) {
-                    continue; // there it is told more exactly
+                    continue; // that file has more detail
                 }
                 let record = record_of(&frame);
                 let json = serde_json::to_vec(&record).map_err(wrong_line)?;
@@ -156,7 +156,7 @@ struct Dated {
     json: Vec<u8>,
 }
 
-/// The whole lines of a file; each is dated by the latest time that stands in it or before it.
+/// The complete lines of a file; each is dated by the latest time found in it or before it.
 fn dated(topic: &str, bytes: &[u8]) -> Vec<Dated> {
     let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(&[][..], |end| &bytes[..end]);
     let mut latest_ns = 0;
@@ -180,11 +180,11 @@ fn topic_of_lines(name: &str) -> Option<String> {
 fn record_of(frame: &ListedFrame) -> FrameRecord {
     let torn = frame.file.is_none().then(|| "it was torn".to_owned());
     let (seq, time_ns, is_kept) = (frame.seq, frame.time_ns, frame.file.is_some());
-    // Whose clock it was is not in the folder of a run.
+    // A run folder does not record whose clock it was.
     FrameRecord { seq, time_ns, clock: Clock::Unknown, fate: Fate::Judged, torn, is_kept }
 }
 
-/// Writes the picture of a frame, where it is kept; how many were written.
+/// Writes the image of a frame, where it is kept; returns how many were written.
 fn picture(
     folder: &Path,
     finger: &str,
@@ -199,7 +199,7 @@ fn picture(
     let path = folder.join(frame_file(finger, record.seq));
     let encoded = match fs::read(&path) {
         Ok(encoded) => encoded,
-        // A frame of pixels was left out on the way here.
+        // A frame that came as pixels was left out of the folder.
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(0),
         Err(source) => return Err(Error::Read { path, source }.into()),
     };
@@ -305,7 +305,7 @@ impl Files<'_> {
     fn place(&self, name: &str) -> Result<PathBuf, ConvertError> {
         let mut parts = Path::new(name).components();
         let is_plain = matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None));
-        // A name that another system would take for a way is none here either.
+        // A name that another system would read as a path is refused here too.
         match is_plain && !name.contains(['/', '\\', ':']) {
             true => Ok(self.folder.join(name)),
             false => Err(ConvertError::Name { path: self.file.to_owned(), name: name.into() }),

@@ -7,7 +7,7 @@ use crate::source::Error;
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
 use std::path::{Path, PathBuf};
 
-/// The pictures of one topic, in the order in which they were recorded; times are those of the messages.
+/// The images of one topic, in the order in which they were recorded; times are those of the messages.
 pub struct Db3Source {
     path: PathBuf,
     file: Sqlite,
@@ -19,14 +19,15 @@ pub struct Db3Source {
 }
 
 impl Db3Source {
-    /// Opens `FILE.db3` or `FILE.db3#TOPIC`. Fails when it holds no pictures, or those of several topics and none is named.
+    /// Opens `FILE.db3` or `FILE.db3#TOPIC`. Fails when it holds no images, or those of several topics if none is
+    /// named.
     pub fn open(path: &Path, wanted: Option<&str>) -> Result<Self, Error> {
         let wrong = |why: String| Error::Mcap { path: path.to_owned(), why };
         let mut file = Sqlite::open(path).map_err(wrong)?;
         let mut rows = file.table("topics").map_err(wrong)?;
         let mut topics = Vec::new();
         while let Some((id, row)) = file.next(&mut rows).map_err(wrong)? {
-            // id, name, type, how messages are written, ...
+            // id, name, type, serialization format, ...
             let [_, name, schema, format, ..] = row.as_slice() else { continue };
             let (Some(name), Some(schema)) = (name.text(), schema.text()) else { continue };
             if [cdr::COMPRESSED, cdr::RAW].contains(&schema) && format.text() == Some("cdr") {

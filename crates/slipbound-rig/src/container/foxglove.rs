@@ -1,18 +1,18 @@
-//! Foxglove's messages of pictures, in protocol buffers, with the descriptions that let others read them.
+//! Foxglove's image messages, in protocol buffers, with the descriptions that let other programs read them.
 
 use super::wire::{Field, put_bytes, put_fixed32, put_number, take_field};
 use slipbound::port::{FrameBuffer, PixelFormat};
 
-/// The schema of a picture as it was received.
+/// The schema of an image as it was received.
 pub const COMPRESSED: &str = "foxglove.CompressedImage";
-/// The schema of a picture as pixels.
+/// The schema of an image as pixels.
 pub const RAW: &str = "foxglove.RawImage";
 
 pub(super) const TIMESTAMP: &str = ".google.protobuf.Timestamp";
 /// The field of a `FileDescriptorSet` that is a file.
 pub(super) const FIELD_OF_MESSAGES: u64 = 1;
 
-/// Kinds of fields, as a description numbers them.
+/// Field types, as a description numbers them.
 pub(super) const DOUBLE: u64 = 1;
 const INT64: u64 = 3;
 const INT32: u64 = 5;
@@ -21,10 +21,10 @@ pub(super) const STRING: u64 = 9;
 pub(super) const MESSAGE: u64 = 11;
 const BYTES: u64 = 12;
 
-/// Name, number and kind of a field.
+/// Name, number and type of a field.
 type FieldFact = (&'static str, u64, u64);
 
-/// The same of any field.
+/// The same for any field.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TypedField {
     pub name: &'static str,
@@ -139,7 +139,7 @@ pub fn write(frame: &FrameBuffer, finger: &str, stamp_ns: u64) -> (&'static str,
     (RAW, out)
 }
 
-/// A picture of a message.
+/// An image from a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Picture<'a> {
     /// Its time, ns; None where the message says zero.
@@ -148,13 +148,13 @@ pub struct Picture<'a> {
     pub size: (u64, u64),
     /// How its pixels are laid out.
     pub encoding: &'a str,
-    /// Bytes from row to row.
+    /// Row stride, bytes.
     pub row_bytes: u64,
     /// Its bytes.
     pub bytes: &'a [u8],
 }
 
-/// Reads a message of either schema; None where it is none.
+/// Reads a message of either schema; None for anything else.
 pub fn read<'a>(schema: &str, mut message: &'a [u8]) -> Option<Picture<'a>> {
     let facts = if schema == COMPRESSED { &COMPRESSED_FIELDS[..] } else { &RAW_FIELDS[..] };
     let mut picture = Picture::default();

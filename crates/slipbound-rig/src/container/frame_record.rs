@@ -1,4 +1,4 @@
-//! What is written of every frame beside its bytes.
+//! The record of every frame besides its bytes.
 
 use serde::{Deserialize, Serialize};
 use slipbound::port::Clock;
@@ -7,15 +7,15 @@ use slipbound::port::Clock;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fate {
-    /// It was taken: for the rest frame, or to be judged.
+    /// It was taken, for the rest frame or to be judged.
     Judged,
-    /// A newer one came before it was taken.
+    /// A newer frame came before it was taken.
     Skipped,
-    /// It was recorded only.
+    /// It was only recorded.
     Recorded,
 }
 
-/// The record of every frame beside its bytes: `slipbound.Frame`.
+/// The record of every frame besides its bytes: `slipbound.Frame`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FrameRecord {
     /// The source's running number.
@@ -32,17 +32,17 @@ pub struct FrameRecord {
     pub is_kept: bool,
 }
 
-/// The topic of a finger's pictures.
+/// The topic of a finger's images.
 pub(super) fn camera_topic(finger: &str) -> String {
     format!("/{finger}/camera")
 }
 
-/// The topic of what was found on a finger's pictures.
+/// The topic of the results on a finger's images.
 pub(super) fn annotations_topic(finger: &str) -> String {
     format!("/{finger}/annotations")
 }
 
-/// The topic of a finger's [`FrameRecord`]s, from that of its pictures.
+/// The topic of a finger's [`FrameRecord`]s, from that of its images.
 pub(super) fn frame_topic(camera_topic: &str) -> Option<String> {
     camera_topic.strip_suffix("/camera").map(|finger| format!("{finger}/frame"))
 }

@@ -1,13 +1,13 @@
 //! The file of a recording before anything is recorded.
 //!
-//! A source that is refused must not cost the recording that was there, and what has been recorded must be found under its
-//! name however the program ends: so the file is opened at once, and emptied by the first thing that is recorded.
+//! A refused source must not destroy an existing recording, and recorded data must be under the file's name however the
+//! program ends. So the file is opened at once, and emptied when the first item is recorded.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
-/// A file that can be written, and still holds what it held. Dropped, it is as it was before: one that is new is removed.
+/// A writable file that still has its old content. If dropped, it stays unchanged; a new file is removed.
 #[derive(Debug)]
 pub(super) struct LateFile {
     path: PathBuf,
@@ -16,7 +16,7 @@ pub(super) struct LateFile {
 }
 
 impl LateFile {
-    /// Opens the file, or makes an empty one.
+    /// Opens the file, or creates an empty one.
     pub fn open(path: &Path) -> io::Result<Self> {
         let made = OpenOptions::new().write(true).create_new(true).open(path);
         let is_new = made.is_ok();
@@ -29,7 +29,7 @@ impl LateFile {
         Ok(LateFile { path: path.to_owned(), file, is_new })
     }
 
-    /// The file, empty.
+    /// The file, emptied.
     pub fn begin(mut self) -> io::Result<File> {
         self.is_new = false;
         let file = self.file.try_clone()?;
@@ -43,7 +43,7 @@ impl LateFile {
 impl Drop for LateFile {
     fn drop(&mut self) {
         if self.is_new {
-            let _ = fs::remove_file(&self.path); // an empty file is left then
+            let _ = fs::remove_file(&self.path); // if this fails, an empty file stays
         }
     }
 }

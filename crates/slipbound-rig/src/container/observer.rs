@@ -1,4 +1,4 @@
-//! A control loop's reports, cycles, events and frames, into its recording.
+//! Writes a control loop's reports, cycles, events and frames into its recording.
 
 use super::annotations;
 use super::book::Times;
@@ -13,7 +13,7 @@ use slipbound::finger_pipeline::FingerView;
 use slipbound::monitor::{SlipMonitor, SlipReport};
 use slipbound::port::{FrameBuffer, Next};
 
-/// Hands in every report and every cycle.
+/// Records every report and every cycle.
 pub struct McapObserver {
     inlet: Inlet,
     info: RunInfo,
@@ -21,15 +21,15 @@ pub struct McapObserver {
     reports: Vec<Option<ReportJson<ReportLines>>>,
     log: EventLog,
     notes: RunNotes,
-    /// Frames too, for which it waits.
+    /// Whether it records frames too and waits for the disk.
     keeps_frames: bool,
-    /// Whether a cycle was lost on the way here, and how many since the last one that was not.
+    /// Whether any cycle was lost before it got here, and how many since the last one that arrived.
     has_gap: bool,
     lost_count: u64,
 }
 
 impl McapObserver {
-    /// For a loop, the frames of which are from `sources`. It does not wait for the disk.
+    /// For a loop with frames from `sources`. It does not wait for the disk.
     pub fn new(inlet: Inlet, info: RunInfo, sources: Vec<String>) -> Self {
         let reports = info.fingers.iter().map(|_| None).collect();
         let log = EventLog::new(info.finger_names());
@@ -37,8 +37,8 @@ impl McapObserver {
         McapObserver { inlet, info, sources, reports, log, notes, keeps_frames: false, has_gap: false, lost_count: 0 }
     }
 
-    /// Cycles that come before the next one were lost on the way here: which frames the loop took is recorded up to this gap, for a replay
-    /// goes cycle by cycle, and the events tell of it.
+    /// `count` cycles before the next one were lost before they got here. The frames of each cycle are recorded up to
+    /// this gap only, because a replay goes cycle by cycle; the events report the loss.
     pub fn lost_cycles(&mut self, count: u64) {
         self.has_gap = true;
         self.lost_count += count;
@@ -50,18 +50,18 @@ impl McapObserver {
         McapObserver { keeps_frames: true, ..self }
     }
 
-    /// Whether it must be shown the bytes of every frame.
+    /// Whether it needs the bytes of every frame.
     pub fn takes_frames(&self) -> bool {
         self.keeps_frames
     }
 
-    /// The same with other limits for what cameras are told of.
+    /// The same with other limits for reports about cameras.
     #[must_use]
     pub fn limited(self, limits: CameraLimits) -> Self {
         McapObserver { notes: RunNotes::new(limits), ..self }
     }
 
-    /// What hands in the lines over the pictures. It needs the monitors, so it stands before any queue.
+    /// The recorder of the lines over the images. It needs the monitors, so it comes before any queue.
     pub fn annotations(&self) -> McapAnnotations {
         McapAnnotations { inlet: self.inlet.clone(), waits: self.keeps_frames }
     }
@@ -73,7 +73,7 @@ impl McapObserver {
         }
     }
 
-    /// The report of a finger, after a header that says what its rest frame was.
+    /// Records the report of a finger, after a header that states its kind of rest frame.
     fn report(&mut self, number: usize, finger: &FingerView<'_>) -> Option<()> {
         let (report, kind) = (finger.report?, finger.rest_kind?);
         let lines = self.reports.get_mut(number)?;
@@ -137,7 +137,7 @@ impl CycleObserver for McapObserver {
                 Err(_) => self.has_gap = true,
             }
         }
-        // After the cycle: with a line of frames alone a replay would make a cycle of which nothing is recorded.
+        // After the cycle: with a line of frames alone, a replay would run a cycle that was not recorded.
         if let (false, Some(Ok(json))) = (self.has_gap || self.inlet.has_lost(), frames::line(view)) {
             self.line("/cycle/frames", json);
         }
@@ -148,19 +148,19 @@ impl CycleObserver for McapObserver {
     }
 }
 
-/// Hands in what was found on every judged frame, to be drawn over it.
+/// Records the results on every judged frame, to be drawn over it.
 pub struct McapAnnotations {
     inlet: Inlet,
     waits: bool,
 }
 
 impl McapAnnotations {
-    /// `waits`: for the disk, rather than to lose any.
+    /// `waits`: whether it waits for the disk instead of losing any.
     pub fn new(inlet: Inlet, waits: bool) -> Self {
         McapAnnotations { inlet, waits }
     }
 
-    /// What was found on a frame by the monitor that has just judged it.
+    /// Records the results on a frame of the monitor that has just judged it.
     pub fn hand_in(&self, finger: &str, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) {
         let log_ns = log_ns();
         let stamp_ns = frame.time_ns.unwrap_or(log_ns);

@@ -1,4 +1,4 @@
-//! A picture of a message, whoever wrote it, into a frame.
+//! Reads the image of a message, of any known schema, into a frame.
 
 use super::{cdr, foxglove};
 use crate::source::decode_image;
@@ -6,13 +6,13 @@ use slipbound::image::SizePx;
 use slipbound::pixels::{bgr, yuyv};
 use slipbound::port::{FrameBuffer, PixelFormat};
 
-/// The schemas of pictures that are understood.
+/// The supported image schemas.
 pub const SCHEMAS: [&str; 4] = [foxglove::COMPRESSED, foxglove::RAW, cdr::COMPRESSED, cdr::RAW];
 
-/// Width and height beyond which a message is taken for damaged: the largest a sensor file may state.
+/// Width and height beyond which a message counts as damaged: the largest a sensor file may state.
 const MAX_SIDE_PX: u64 = 8192;
 
-/// Puts the picture of a message into `into` and answers with its time, ns; in words why it is torn otherwise.
+/// Puts the image of a message into `into` and returns its time, ns; the error says why it is torn.
 pub fn read(schema: &str, encoding: &str, message: &[u8], into: &mut FrameBuffer) -> Result<Option<u64>, String> {
     into.encoded.clear();
     let picture = match (schema, encoding) {

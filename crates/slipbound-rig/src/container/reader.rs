@@ -9,34 +9,35 @@ use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
-/// The frames of one topic. Of a recording of ours only those that were judged, where somebody judged; its numbers and times
-/// are those that the frames had.
+/// The frames of one topic. From a recording of ours only the judged ones, if any were judged; they keep their numbers
+/// and times.
 pub struct McapSource {
     path: PathBuf,
     records: Records,
-    /// A picture that was read and not yet given.
+    /// An image that was read and not yet returned.
     peeked: Option<(MessageHeader, Vec<u8>)>,
     topic: String,
     schemas: HashMap<u16, String>,
     /// Schema and encoding of every channel of the topic.
     channels: HashMap<u16, (String, String)>,
-    /// What is known of every frame of a recording of ours, in its order; None for others' files.
+    /// The records of every frame of a recording of ours, in order; None for other files.
     known: Option<Known>,
     /// The number after that of the last frame.
     seq: u64,
     is_over: bool,
 }
 
-/// What a recording of ours says of its frames.
+/// What a recording of ours states about its frames.
 struct Known {
     frames: HashMap<u64, FrameRecord>,
     judges: bool,
-    /// Torn frames without bytes, to be told where they were.
+    /// Torn frames without bytes, to be reported at their place.
     bare: Vec<FrameRecord>,
 }
 
 impl McapSource {
-    /// Opens `FILE.mcap` or `FILE.mcap#TOPIC`. Fails when it holds no pictures, or those of several topics and none is named.
+    /// Opens `FILE.mcap` or `FILE.mcap#TOPIC`. Fails when it holds no images, or those of several topics if none is
+    /// named.
     pub fn open(path: &Path, wanted: Option<&str>) -> Result<Self, Error> {
         let wrong = |why: String| Error::Mcap { path: path.to_owned(), why };
         let survey = Survey::of(path)?;
@@ -81,7 +82,7 @@ impl McapSource {
         })
     }
 
-    /// The frame's number, time and whether it is to be given, from what is known of it.
+    /// Sets the frame's number and time; returns whether the frame is to be returned.
     fn stamp(&mut self, sequence: u32, log_ns: u64, stamp_ns: Option<u64>, into: &mut FrameBuffer) -> bool {
         into.label.clear();
         let Some(known) = &self.known else {
@@ -89,9 +90,9 @@ impl McapSource {
             self.seq += 1;
             return true;
         };
-        // Numbers beyond 32 bits have lost their upper half: they never come in one recording.
+        // Numbers beyond 32 bits have lost their upper half: one recording never has them.
         let Some(record) = known.frames.get(&u64::from(sequence)) else {
-            // Its program was killed between the two: whether it was judged is not known.
+            // The program was killed between the two messages: whether the frame was judged is not known.
             (into.seq, into.time_ns, into.clock) = (sequence.into(), stamp_ns.or(Some(log_ns)), Clock::Container);
             self.seq = into.seq + 1;
             return !known.judges;
@@ -101,7 +102,7 @@ impl McapSource {
         record.fate != Fate::Skipped
     }
 
-    /// What is told of a file that cannot be followed, or the bytes of which are not those that were written.
+    /// The result for a file that cannot be followed, or whose bytes are not those that were written.
     fn damaged(&self, reason: &str, into: &mut FrameBuffer) -> Next {
         into.encoded.clear();
         into.label.clear();
@@ -119,11 +120,11 @@ impl McapSource {
     }
 }
 
-/// How the name of a finger's sensor file ends, where it goes with a recording.
+/// Ending of the name of a finger's sensor file in a recording.
 const SENSOR: &str = ".sensor.toml";
 
-/// The sensor file that goes with a recording of ours: its name and text. `wanted`: the topic or finger, where the recording has
-/// several; None where there is none, or nothing says which.
+/// The sensor file in a recording of ours: its name and text. `wanted`: the topic or finger, where the recording has
+/// several. None where there is none, or the choice is ambiguous.
 pub fn attached_sensor(path: &Path, wanted: Option<&str>) -> Result<Option<(String, String)>, Error> {
     let finger = wanted.map(|topic| topic.strip_prefix('/').and_then(|t| t.strip_suffix("/camera")).unwrap_or(topic));
     let name = finger.map(|finger| format!("{finger}{SENSOR}"));
@@ -149,7 +150,7 @@ impl FrameSource for McapSource {
             if self.is_over {
                 return Ok(self.bare_before(u64::MAX, into).unwrap_or(Next::End));
             }
-            // A torn frame without bytes stands before the next picture.
+            // A torn frame without bytes comes before the next image.
             let next_seq = self.peeked.as_ref().map(|(header, _)| u64::from(header.sequence));
             if let Some(next) = next_seq.and_then(|seq| self.bare_before(seq, into)) {
                 return Ok(next);

@@ -14,14 +14,14 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-/// What may wait for the disk: one to two seconds of two fingers.
+/// Items that may wait for the disk: one to two seconds of two fingers.
 const QUEUE_COUNT: usize = 128;
 /// A chunk is closed after this time, so that no more is lost when the program is killed, ns.
 const CHUNK_NS: u64 = 500_000_000;
 /// A recording that cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The file cannot be made.
+    /// The file cannot be created.
     #[error("{}: cannot write: {source}", path.display())]
     Create {
         /// The file.
@@ -29,7 +29,7 @@ pub enum Error {
         /// Why.
         source: std::io::Error,
     },
-    /// It could be made, and not be written to its end; what came before is readable.
+    /// The file was created, but could not be written to its end; what came before is readable.
     #[error("{}: cannot write on: {source}", path.display())]
     Write {
         /// The file.
@@ -45,7 +45,7 @@ pub enum Error {
         /// Why.
         source: Box<mcap::McapError>,
     },
-    /// The thread that writes has broken down.
+    /// The writing thread has panicked.
     #[error("{}: the thread that writes it has broken down", path.display())]
     Thread {
         /// The file.
@@ -54,7 +54,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// A file that cannot be written on: with the operating system's own words, where they are the reason.
+    /// The error of a file that cannot be written on, with the operating system's message where that is the reason.
     pub(super) fn of_writing(path: &Path, error: mcap::McapError) -> Self {
         let path = path.to_owned();
         match error {
@@ -73,7 +73,7 @@ pub struct Written {
     pub lost_count: u64,
 }
 
-/// What is on its way to the file.
+/// An item on its way to the file.
 pub(super) enum Item {
     Frame {
         finger: usize,
@@ -90,7 +90,7 @@ pub(super) enum Item {
         log_ns: u64,
         json: Vec<u8>,
     },
-    /// What was found on a frame; `stamp_ns` is that of the frame's picture.
+    /// The results on a frame; `stamp_ns` is that of the frame's image.
     Annotations {
         finger: String,
         seq: u64,
@@ -106,15 +106,15 @@ pub(super) enum Item {
         name: String,
         facts: BTreeMap<String, String>,
     },
-    /// What was there may be replaced.
+    /// The old file may be replaced.
     Begin,
-    /// Nothing more comes: all is well.
+    /// Normal end: nothing more follows.
     End,
-    /// Nothing more comes, for something else has failed.
+    /// Nothing more follows, because something else has failed.
     CutOff,
 }
 
-/// Where frames and lines are handed in. Clones write to the same file.
+/// The input for frames and lines. Clones write to the same file.
 #[derive(Clone)]
 pub struct Inlet {
     to: SyncSender<Item>,
@@ -123,7 +123,7 @@ pub struct Inlet {
 }
 
 impl Inlet {
-    /// Hands in what may wait if there is room; what does not fit is lost and counted. False when it was lost.
+    /// Hands in an item if there is room; otherwise it is lost and counted. False when it was lost.
     pub(super) fn offer(&self, item: Item) -> bool {
         let is_taken = self.to.try_send(item).is_ok();
         if !is_taken {
@@ -142,7 +142,7 @@ impl Inlet {
         self.begun.load(Ordering::Acquire)
     }
 
-    /// Hands in what must not be lost: waits for room.
+    /// Hands in an item that must not be lost: waits for room.
     pub(super) fn send(&self, item: Item) {
         if self.to.send(item).is_err() {
             self.lost.fetch_add(1, Ordering::Relaxed);
@@ -150,8 +150,8 @@ impl Inlet {
     }
 }
 
-/// A recording that is being written. Dropped before [`Recorder::finish`], it keeps what was recorded, and who reads it is told
-/// that it is cut off; the file that was there stays if nothing was.
+/// A recording that is being written. If dropped before [`Recorder::finish`], it keeps what was recorded, and its
+/// reader is told that it is cut off; if nothing was recorded, the old file stays.
 pub struct Recorder {
     path: PathBuf,
     inlet: Inlet,
@@ -160,9 +160,10 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Prepares a recording of these fingers. What is in the file is replaced by the first frame or line after
-    /// [`Recorder::begin`], or by [`Recorder::finish`]: what is handed in earlier waits for that, except frames of cameras,
-    /// which nobody is given then ([`TappedSource`](super::TappedSource)). `judges`: somebody will say which frames are judged ([`MarkedSource`](super::MarkedSource)); otherwise all are just recorded.
+    /// Prepares a recording of these fingers. The first frame or line after [`Recorder::begin`], or
+    /// [`Recorder::finish`], replaces the old file. Items handed in earlier wait for that, except frames of cameras,
+    /// which are dropped ([`TappedSource`](super::TappedSource)). `judges`: whether frames will be marked as judged
+    /// ([`MarkedSource`](super::MarkedSource)); otherwise all are only recorded.
     pub fn create(path: &Path, fingers: &[String], judges: bool) -> Result<Self, Error> {
         let file = LateFile::open(path).map_err(|source| Error::Create { path: path.to_owned(), source })?;
         let fingers = fingers.to_vec();
@@ -172,33 +173,33 @@ impl Recorder {
         Ok(Recorder { path: path.to_owned(), inlet, thread: Some(thread) })
     }
 
-    /// All that could be refused is there: from now on the recording replaces what was in the file.
+    /// Everything that could be refused is ready: from here on the recording replaces the old file.
     pub fn begin(&self) {
         self.inlet.begun.store(true, Ordering::Release);
         self.inlet.send(Item::Begin);
     }
 
-    /// Where frames and lines are handed in.
+    /// The input for frames and lines.
     pub fn inlet(&self) -> Inlet {
         self.inlet.clone()
     }
 
-    /// A file that goes with the recording: a sensor file, settings.
+    /// Adds a file to the recording: a sensor file, settings.
     pub fn attach(&self, name: &str, media_type: &'static str, bytes: Vec<u8>) {
         self.inlet.send(Item::Attachment { name: name.into(), media_type, bytes });
     }
 
-    /// Facts of a kind.
+    /// Adds facts under a name.
     pub fn metadata(&self, name: &str, facts: impl IntoIterator<Item = (String, String)>) {
         self.inlet.send(Item::Metadata { name: name.into(), facts: facts.into_iter().collect() });
     }
 
-    /// Whether nothing is written any more, before the end: [`Recorder::finish`] says why.
+    /// Whether writing has stopped before the end; [`Recorder::finish`] says why.
     pub fn has_failed(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Closes the file. What is still handed in later is counted as lost, without an error.
+    /// Closes the file. Anything handed in later is counted as lost, without an error.
     pub fn finish(mut self) -> Result<Written, Error> {
         self.inlet.send(Item::End);
         let lost_count = self.inlet.lost.load(Ordering::Relaxed);
@@ -213,25 +214,26 @@ impl Recorder {
 impl Drop for Recorder {
     fn drop(&mut self) {
         if let Some(thread) = self.thread.take() {
-            let _ = self.inlet.to.send(Item::CutOff); // a thread that is gone has ended the file
+            let _ = self.inlet.to.send(Item::CutOff); // a thread that has ended has closed the file
             let _ = thread.join();
         }
     }
 }
 
 impl Inlet {
-    /// A line of JSON on a topic, now. Lost, and counted, when the disk does not keep up.
+    /// Records a line of JSON on a topic, with the present time. It is lost, and counted, when the disk does not keep
+    /// up.
     pub fn line(&self, topic: &str, json: Vec<u8>) {
         self.offer(Item::Line { topic: topic.into(), log_ns: log_ns(), json });
     }
 
-    /// The same, and never lost: waits for the disk.
+    /// The same, but waits for the disk and never loses a line.
     pub fn line_patiently(&self, topic: &str, json: Vec<u8>) {
         self.send(Item::Line { topic: topic.into(), log_ns: log_ns(), json });
     }
 }
 
-/// The time of day in ns when the program began, by a clock that is not put back meanwhile, plus what has passed since.
+/// Time of day, ns: that of the first call, plus the time since then on a clock that is never set back.
 pub(super) fn log_ns() -> u64 {
     static OFFSET: std::sync::OnceLock<u64> = std::sync::OnceLock::new();
     let offset_ns = *OFFSET.get_or_init(|| {
@@ -241,7 +243,7 @@ pub(super) fn log_ns() -> u64 {
     offset_ns + now_ns()
 }
 
-/// Waits until the recording has begun, and for the first thing that is recorded, then writes until the end; how many frames.
+/// Waits for the recording to begin and for its first item, then writes until the end; returns the number of frames.
 fn write_all(
     file: LateFile,
     fingers: Vec<String>,
@@ -276,12 +278,12 @@ struct Sheet {
 
 struct Finger {
     name: String,
-    /// Frames of which it is not known yet what becomes of them.
+    /// Frames whose fate is not known yet.
     pending: VecDeque<FrameRecord>,
 }
 
 impl Sheet {
-    /// Writes what waits, and on until the end is handed in. A chunk is closed whenever it has become old.
+    /// Writes the waiting items, then further ones until the end is handed in. A chunk is closed when it is old enough.
     fn run(mut self, waiting: Vec<Item>, items: &Receiver<Item>) -> Result<u64, mcap::McapError> {
         let mut flushed_ns = now_ns();
         let mut waiting = waiting.into_iter();
@@ -351,7 +353,7 @@ impl Sheet {
         self.frame_record(finger, &record)
     }
 
-    /// A frame was taken: those before it, that still wait, were not.
+    /// A frame was taken: the frames still waiting before it were skipped.
     fn taken(&mut self, finger: usize, record: FrameRecord) -> Result<(), mcap::McapError> {
         while let Some(first) = self.fingers.get_mut(finger).and_then(|finger| finger.pending.pop_front()) {
             if first.seq == record.seq {
@@ -363,7 +365,7 @@ impl Sheet {
             }
             self.frame_record(finger, &FrameRecord { fate: Fate::Skipped, ..first })?;
         }
-        // It was judged, but never got here.
+        // It was judged, but its bytes never got here.
         self.frame_record(finger, &FrameRecord { is_kept: false, fate: Fate::Judged, ..record })
     }
 

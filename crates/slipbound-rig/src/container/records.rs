@@ -1,11 +1,11 @@
-//! The records of an MCAP file, one after the other, out of its chunks too, up to where it is cut off or damaged.
+//! The records of an MCAP file in order, those in its chunks too, up to where it is cut off or damaged.
 //!
 //! ```text
 //!   magic | kind 1, length 8, record | .. | chunk: sizes, checksum, compression, records | .. | footer | magic
 //! ```
 //!
-//! What a file claims is checked before it is believed: no length makes it take more memory than there are bytes, and no
-//! record is longer than what is left of its chunk.
+//! The claims of a file are checked first: no length makes the reader allocate more memory than there are bytes, and no
+//! record is longer than the rest of its chunk.
 
 use super::book::LIBRARY;
 use super::unpack::{Lz4, Unpack, Unpacker, Zstd};
@@ -32,7 +32,7 @@ const LONGEST_NAME_BYTES: u32 = 64;
 
 static CHECKSUM: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
 
-/// Why reading ends: in words, for a person.
+/// Why reading ends, in words.
 type Broken = String;
 
 /// The records of a file up to its end, or to where it cannot be followed.
@@ -40,7 +40,7 @@ pub(super) struct Records {
     input: BufReader<File>,
     chunk: Option<Chunk>,
     chunks_count: u64,
-    /// Whether we have written it: then a summary comes before its end.
+    /// Whether we wrote it: then a summary comes before its end.
     is_ours: bool,
     is_over: bool,
     /// Why it could not be followed further.
@@ -53,17 +53,17 @@ pub(super) struct Records {
 struct Chunk {
     /// None where it is not compressed.
     packing: Option<Box<dyn Unpacker>>,
-    /// Bytes of it that are still in the file, and what follows them in its record.
+    /// Bytes of it that are still in the file, and bytes that follow it in its record.
     packed_left: u64,
     after_bytes: u64,
     /// Read from the file and not yet unpacked.
     packed: Vec<u8>,
-    /// Bytes that are still to come out of it.
+    /// Bytes still to be unpacked.
     left: u64,
-    /// What has come out, and how much of it was used.
+    /// Unpacked bytes, and how many of them were used.
     out: Vec<u8>,
     used: usize,
-    /// As it was written, 0 for none; and of what has come out.
+    /// The stored checksum, 0 for none; and that of the unpacked bytes.
     checksum: u32,
     digest: Digest<'static, u32, Table<16>>,
 }
@@ -207,7 +207,7 @@ impl Records {
         record.map(Some).map_err(in_chunk)
     }
 
-    /// Goes past what is left of the chunk in the file, and looks whether all that came out of it is what was written.
+    /// Skips the rest of the chunk in the file and verifies that the unpacked content is what was written.
     fn end_chunk(&mut self) -> Result<(), Broken> {
         let Some(chunk) = self.chunk.take() else { return Ok(()) };
         let past = chunk.packed_left + chunk.after_bytes;
@@ -230,12 +230,12 @@ impl Records {
 }
 
 impl Chunk {
-    /// Bytes that were not used yet.
+    /// Number of bytes not used yet.
     fn left_bytes(&self) -> u64 {
         self.left + (self.out.len() - self.used) as u64
     }
 
-    /// The next so many bytes that are not used yet.
+    /// The next `count` unused bytes.
     fn fill(&mut self, count: usize, input: &mut BufReader<File>) -> Result<&[u8], Broken> {
         if self.out.len() - self.used < count && self.used > 0 {
             self.out.drain(..self.used);
@@ -270,7 +270,7 @@ impl Chunk {
     }
 }
 
-/// Unpacks into `out`, with more of the file as it is needed; how much came out, at least one byte.
+/// Unpacks into `out`, reading more of the file as needed; returns the number of bytes, at least one.
 fn unpack(
     packing: &mut dyn Unpacker,
     packed: &mut Vec<u8>,

@@ -12,7 +12,7 @@ use std::path::Path;
 
 /// Longest row, bytes; a damaged length asks for more.
 const LONGEST_ROW_BYTES: usize = 256 << 20;
-/// Deepest tree; a page holds dozens of children, so that this is beyond any file.
+/// Deepest tree; a page holds dozens of children, so no file is deeper.
 const MOST_LEVELS_COUNT: usize = 16;
 /// Length of the file's header, bytes.
 const HEADER_BYTES: usize = 100;
@@ -20,7 +20,7 @@ const HEADER_BYTES: usize = 100;
 /// A value of a row.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
-    /// None, or a number with a point, which no bag has.
+    /// NULL, or a floating-point number, which no bag has.
     Other,
     /// A whole number.
     Whole(i64),
@@ -53,7 +53,7 @@ pub type Row = (i64, Vec<Value>);
 pub struct Sqlite {
     file: File,
     page_bytes: usize,
-    /// Of a page, without what other programs have reserved.
+    /// Of a page, without the part that other programs have reserved.
     usable_bytes: usize,
     pages_count: u64,
 }
@@ -62,12 +62,12 @@ pub struct Sqlite {
 pub struct Cursor {
     /// A page and its next cell, from the root down.
     stack: Vec<(Vec<u8>, usize, u32)>,
-    /// Pages that may still be read: more than the file has is a circle.
+    /// Pages that may still be read: more than the file has means a cycle.
     pages_left: u64,
 }
 
 impl Sqlite {
-    /// Opens a file. What was expected and got where it is none.
+    /// Opens a file. The error states what was expected and got.
     pub fn open(path: &Path) -> Result<Self, String> {
         let words = |e: std::io::Error| e.to_string();
         let mut file = File::open(path).map_err(words)?;
@@ -97,7 +97,7 @@ impl Sqlite {
         Ok(Sqlite { file, page_bytes, usable_bytes, pages_count })
     }
 
-    /// The beginning of a table's rows.
+    /// A cursor at the first row of a table.
     pub fn table(&mut self, name: &str) -> Result<Cursor, String> {
         let mut schema = self.cursor(1)?;
         while let Some((_, row)) = self.next(&mut schema)? {
@@ -155,7 +155,7 @@ impl Sqlite {
         }
     }
 
-    /// A row of so many bytes, which begins here and may go on in other pages.
+    /// A row of this many bytes, which begins here and may continue in other pages.
     fn row(&mut self, payload_bytes: u64, local: &[u8]) -> Result<Vec<Value>, String> {
         let total = usize::try_from(payload_bytes).unwrap_or(usize::MAX);
         if total > LONGEST_ROW_BYTES || payload_bytes > self.pages_count * self.page_bytes as u64 {
@@ -171,7 +171,7 @@ impl Sqlite {
         let here = if wanted <= most { wanted } else { least };
         let mut bytes = local.get(..here).ok_or_else(cut)?.to_vec();
         let mut next = be_u32(local, here).ok_or_else(cut)?;
-        // Every page brings some of a total that is known: no circle goes on for ever.
+        // Every page adds to a known total, so a cycle of pages ends.
         while bytes.len() < total {
             let page = self.page(next)?;
             let count = (usable - 4).min(total - bytes.len());
@@ -203,7 +203,7 @@ fn be_u32(bytes: &[u8], at: usize) -> Option<u32> {
     bytes.get(at..)?.first_chunk().map(|found| u32::from_be_bytes(*found))
 }
 
-/// A number of up to nine bytes, seven bits each but the last.
+/// A number of up to nine bytes, seven bits each except the last.
 fn varint(from: &mut &[u8]) -> Option<u64> {
     let mut value = 0u64;
     for place in 0..9 {
@@ -220,7 +220,7 @@ fn varint(from: &mut &[u8]) -> Option<u64> {
     None
 }
 
-/// Length of the row, its number, and what of it is in this page.
+/// Length of the row, its number, and the part of it in this page.
 fn leaf_cell(mut cell: &[u8]) -> Option<(u64, i64, &[u8])> {
     let payload_bytes = varint(&mut cell)?;
     let key = varint(&mut cell)? as i64;

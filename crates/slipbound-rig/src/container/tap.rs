@@ -5,7 +5,7 @@ use super::recorder::{Inlet, Item, log_ns};
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use std::io::{self, Write};
 
-/// A source of which every frame that arrives is recorded too, before anybody decides whether to judge it.
+/// A source that also records every frame that arrives, before it is decided whether to judge it.
 pub struct TappedSource<S> {
     source: S,
     finger: usize,
@@ -14,9 +14,10 @@ pub struct TappedSource<S> {
 }
 
 impl<S> TappedSource<S> {
-    /// The frames of this source are those of the finger with this number. `waits`: for the disk, as a recording can, and for
-    /// [`Recorder::begin`](super::Recorder::begin). A camera's frame is rather lost, and counted; before the recording begins it
-    /// is read and thrown away, so that nobody judges what is not recorded, and the first that is kept is not an old one.
+    /// Records this source as the finger with this number. `waits`: whether it waits for the disk and for
+    /// [`Recorder::begin`](super::Recorder::begin), as a recording can. A camera's frame is lost instead, and counted.
+    /// Before the recording begins, camera frames are read and dropped, so that no unrecorded frame is judged and the
+    /// first recorded frame is not an old one.
     pub fn new(source: S, finger: usize, inlet: Inlet, waits: bool) -> Self {
         TappedSource { source, finger, inlet, waits }
     }
@@ -33,7 +34,7 @@ impl<S: FrameSource> FrameSource for TappedSource<S> {
         if !self.waits && !self.inlet.has_begun() {
             return Ok(Next::Silent);
         }
-        // Pixels are copied only where they are what is recorded.
+        // Pixels are copied only if they are what is recorded.
         let pixels = if into.encoded.is_empty() && torn.is_none() { into.pixels.clone() } else { Vec::new() };
         let frame = FrameBuffer { encoded: into.encoded.clone(), pixels, label: String::new(), ..*into };
         let item = Item::Frame { finger: self.finger, frame: Box::new(frame), torn, log_ns: log_ns() };
@@ -49,7 +50,7 @@ impl<S: FrameSource> FrameSource for TappedSource<S> {
     }
 }
 
-/// A source whose frames are judged: every one that is taken is marked in the recording.
+/// A source whose frames are judged: every frame taken is marked in the recording.
 pub struct MarkedSource<S> {
     source: S,
     finger: usize,
@@ -87,7 +88,7 @@ impl<S: FrameSource> FrameSource for MarkedSource<S> {
     }
 }
 
-/// Where [`ReportJson`](crate::report_json::ReportJson) writes the reports of a finger, to have them in the recording.
+/// The output of a [`ReportJson`](crate::report_json::ReportJson) that puts the reports of a finger into the recording.
 pub struct ReportLines {
     inlet: Inlet,
     topic: String,
@@ -108,7 +109,7 @@ impl Write for ReportLines {
         Ok(bytes.len())
     }
 
-    /// A line is whole when it is flushed.
+    /// A line is complete when it is flushed.
     fn flush(&mut self) -> io::Result<()> {
         let mut line = std::mem::take(&mut self.line);
         if line.ends_with(b"\n") {

@@ -1,4 +1,4 @@
-//! Compressed chunks, unpacked as the reader goes, in memory that does not grow with what a damaged file claims.
+//! Unpacks compressed chunks as they are read, in memory that does not grow with the claims of a damaged file.
 //!
 //! ```text
 //!   chunk bytes -> units (a frame's head, a block) -> one unit unpacked at a time -> the reader, up to the size in the chunk's head
@@ -12,21 +12,21 @@ use format::Format;
 pub use lz4::Lz4;
 pub use zstd::Zstd;
 
-/// What a step has done.
+/// Result of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Step {
     /// Bytes of the input that are used up.
     pub used: usize,
     /// Bytes written.
     pub wrote: usize,
-    /// How long the input should be for the next step, where nothing was done.
+    /// Input length that the next step needs, where nothing was done.
     pub wanted_bytes: usize,
 }
 
-/// A compressed chunk, as far as it is unpacked. Made anew for every chunk.
+/// Unpacks a compressed chunk. A new one is made for every chunk.
 pub trait Unpacker: Send {
-    /// Unpacks a little of `src` into `dst`; does nothing when it needs more input. Holds at most a block and what later blocks
-    /// may refer to.
+    /// Unpacks part of `src` into `dst`; does nothing when it needs more input. Holds at most a block and what later
+    /// blocks may refer to.
     fn step(&mut self, src: &[u8], dst: &mut [u8]) -> Result<Step, String>;
 }
 
@@ -34,7 +34,7 @@ pub trait Unpacker: Send {
 #[derive(Default)]
 pub struct Unpack<F> {
     format: F,
-    /// What is unpacked, and how much of it was given.
+    /// Unpacked bytes, and how many of them were given.
     out: Vec<u8>,
     given: usize,
 }

@@ -1,4 +1,4 @@
-//! Protocol buffers, as far as messages of pictures and of lines over them need them.
+//! The parts of protocol buffers that messages of images and of lines over them need.
 
 /// A field of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,7 +30,7 @@ pub(super) fn put_fixed32(into: &mut Vec<u8>, field: u64, value: u32) {
     into.extend_from_slice(&value.to_le_bytes());
 }
 
-/// Writes a number of eight bytes with a point.
+/// Writes an eight-byte floating-point number.
 pub(super) fn put_double(into: &mut Vec<u8>, field: u64, value: f64) {
     put_varint(into, field << 3 | 1);
     into.extend_from_slice(&value.to_le_bytes());
@@ -43,7 +43,7 @@ pub(super) fn put_bytes(into: &mut Vec<u8>, field: u64, bytes: &[u8]) {
     into.extend_from_slice(bytes);
 }
 
-/// Takes the first field off a message: its number and value. None at the end, and where the bytes are no field.
+/// Takes the first field off a message: its number and value. None at the end, and where the bytes are not a field.
 pub(super) fn take_field<'a>(message: &mut &'a [u8]) -> Option<(u64, Field<'a>)> {
     let key = take_varint(message)?;
     let field = match key & 7 {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// A camera that streams pictures.
+/// A camera that streams images.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CameraNode {
     /// The node, as in `/dev/video0`.
@@ -13,7 +13,7 @@ pub struct CameraNode {
     pub serial: Option<String>,
     /// Vendor and product of its USB device, four hexadecimal digits each.
     pub usb_id: Option<(String, String)>,
-    /// The kinds of its pictures, four letters each.
+    /// The kinds of its images, four letters each.
     pub formats: Vec<String>,
 }
 

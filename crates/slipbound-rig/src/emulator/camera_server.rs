@@ -1,4 +1,4 @@
-//! An emulated camera: JPEGs over HTTP as a Raspberry Pi serves them; every client gets the newest.
+//! An emulated camera: JPEGs over HTTP, served as by a Raspberry Pi; every client gets the newest.
 
 use std::io::{self, Read as _, Write as _};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -8,32 +8,32 @@ use std::time::Duration;
 
 /// Longest head of a request, bytes.
 const LONGEST_HEAD_BYTES: usize = 16 << 10;
-/// A client that takes no byte for so long is gone.
+/// A client that accepts no byte for this long is gone.
 const LONGEST_WRITE: Duration = Duration::from_secs(2);
-/// Time between two looks for a client, and for the end.
+/// Time between two checks for a client, and for the end.
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// The newest picture.
+/// The newest image.
 #[derive(Default)]
 struct Shot {
     jpeg: Vec<u8>,
     time_ns: u64,
-    /// Pictures so far.
+    /// Images so far.
     count: u64,
     is_over: bool,
 }
 
 type Slot = Arc<(Mutex<Shot>, Condvar)>;
 
-/// A port at which pictures are served as `multipart/x-mixed-replace`, each with its time as `X-Timestamp`, to any number of
-/// clients; one that is slow misses pictures.
+/// Serves images on a port as `multipart/x-mixed-replace`, each with its time as `X-Timestamp`, to any number of
+/// clients; a slow one misses images.
 pub struct CameraServer {
     address: SocketAddr,
     slot: Slot,
 }
 
 impl CameraServer {
-    /// Takes over a port.
+    /// Takes a port.
     pub fn new(listener: TcpListener) -> io::Result<Self> {
         let address = listener.local_addr()?;
         listener.set_nonblocking(true)?;
@@ -44,7 +44,7 @@ impl CameraServer {
                 match listener.accept() {
                     Ok((socket, _)) => {
                         let slot = theirs.clone();
-                        thread::spawn(move || drop(serve(socket, &slot))); // who hangs up has seen enough
+                        thread::spawn(move || drop(serve(socket, &slot))); // a client may hang up at any time
                     }
                     Err(_) => thread::sleep(PAUSE),
                 }
@@ -53,12 +53,12 @@ impl CameraServer {
         Ok(CameraServer { address, slot })
     }
 
-    /// Where it is.
+    /// Its address.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Takes the next picture and its time.
+    /// Shows the next image and its time.
     pub fn show(&self, jpeg: &[u8], time_ns: u64) {
         let mut shot = self.slot.0.lock().unwrap_or_else(PoisonError::into_inner);
         shot.jpeg.clear();
@@ -133,7 +133,7 @@ mod tests {
         text
     }
 
-    /// The next picture with its head.
+    /// The next image with its header.
     fn picture(client: &mut BufReader<TcpStream>, count: usize) -> (String, Vec<u8>) {
         let head = head(client);
         let mut bytes = vec![0; count + 2];

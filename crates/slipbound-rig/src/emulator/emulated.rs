@@ -6,8 +6,8 @@ use super::firmware::Firmware;
 use slipbound::plant::Plant;
 use std::collections::VecDeque;
 
-/// An emulated gripper without its link, a state machine told the time. Its owner moves the bytes, passes the time and
-/// advances the plant.
+/// An emulated gripper without its link, a state machine that receives the time. Its owner moves the bytes, passes the
+/// time and advances the plant.
 pub struct Emulator {
     firmware: Box<dyn Firmware>,
     faults: Faults,
@@ -61,7 +61,7 @@ impl Emulator {
 
     /// The connection was closed. An object that is held stays held.
     pub fn disconnected(&mut self, now_ns: u64) {
-        // What was sent before the end, a farewell say, is read before it.
+        // What was sent before the end, such as a farewell, is read first.
         let unread = std::mem::take(&mut self.unread);
         self.firmware.receive(now_ns, &unread, &mut self.answer);
         self.firmware.disconnected();
@@ -113,7 +113,7 @@ impl Emulator {
     }
 
     /// Further faults, written as for [`Faults`]; their times count from the last tick. Nothing changes if a word is
-    /// none.
+    /// invalid.
     pub fn fail_further(&mut self, words: &str) -> Result<(), FaultError> {
         let faults = self.faults.clone().joined_by(words, self.since_ns())?;
         if faults.sensor != self.faults.sensor {
@@ -168,7 +168,7 @@ impl Emulator {
         self.is_hanging_up |= self.faults.closes_ns.len() < closes_count;
     }
 
-    /// Puts what was answered on the link, with the link's faults.
+    /// Puts the answer on the link, with the link's faults.
     fn collect(&mut self) {
         let mut answer = std::mem::take(&mut self.answer);
         if answer.is_empty() {

@@ -37,7 +37,7 @@ pub const LATE_NS: u64 = 400_000_000;
 pub struct Faults {
     /// Every answer comes this much later, ns.
     pub late_ns: u64,
-    /// One in so many answers comes [`LATE_NS`] later; 0 for none.
+    /// One in this many answers comes [`LATE_NS`] later; 0 for none.
     pub late_every_count: u32,
     /// Faults of its force sensor.
     pub sensor: SensorFaults,
@@ -77,8 +77,8 @@ impl FromStr for Faults {
 }
 
 impl Faults {
-    /// These and further ones, written as for [`FromStr`], whose times count from `from_ns`. A value that is given again
-    /// takes the place of the old one.
+    /// These and further ones, written as for [`FromStr`], whose times count from `from_ns`. A value that is given
+    /// again replaces the old one.
     pub fn joined_by(mut self, text: &str, from_ns: u64) -> Result<Self, FaultError> {
         for word in text.split(',').filter(|word| !word.is_empty()) {
             self.add(word, from_ns).ok_or_else(|| FaultError { word: word.into() })?;

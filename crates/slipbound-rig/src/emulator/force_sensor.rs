@@ -29,7 +29,7 @@ impl Default for SensorFaults {
     }
 }
 
-/// A force sensor, told the time and the force.
+/// A force sensor that receives the time and the force.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ForceSensor {
     faults: SensorFaults,
@@ -63,18 +63,18 @@ impl ForceSensor {
         self.reading_n -= self.tared_n;
     }
 
-    /// What it reads now counts as no force.
+    /// The present reading counts as no force.
     pub fn tare(&mut self) {
         self.tared_n += self.reading_n;
         self.reading_n = 0.0;
     }
 
-    /// What it reads, N per finger.
+    /// The reading, N per finger.
     pub fn reading_n(&self) -> f64 {
         self.reading_n
     }
 
-    /// A number with mean 0 and standard deviation 1: twelve of an even distribution.
+    /// A number with mean 0 and standard deviation 1, from twelve uniform numbers.
     fn draw(&mut self) -> f64 {
         let mut sum = -6.0;
         for _ in 0..12 {
@@ -93,7 +93,7 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// The mean and standard deviation of what a sensor reads over 20 s of this force.
+    /// Mean and standard deviation of a sensor's readings over 20 s of this force.
     fn reads(faults: SensorFaults, force_n: f64, touches: bool) -> (f64, f64) {
         let mut sensor = ForceSensor::new(faults, 3);
         let readings: Vec<f64> = (0..10_000)

@@ -8,7 +8,7 @@ use crate::gripper::wsg50::words::status;
 use crate::link::{Lines, write_line};
 use slipbound::plant::Plant;
 
-/// Speed where none is given, mm/s, and way of a release without one, mm.
+/// Default speed, mm/s, and default travel of a release, mm.
 const SPEED: f64 = 50.0;
 const RELEASE_MM: f64 = 10.0;
 
@@ -27,7 +27,7 @@ pub struct Gcl {
     lines: Lines,
     updates: Vec<Update>,
     is_verbose: bool,
-    /// What every new connection begins with.
+    /// The settings with which every new connection begins.
     configured: Settings,
 }
 
@@ -93,7 +93,7 @@ impl Gcl {
         }
     }
 
-    /// A command by its name. What is left out is as the gripper has it set.
+    /// Runs a command by its name. Omitted values are those set in the gripper.
     fn command(&mut self, name: &str, numbers: &[f64]) -> u16 {
         let speed_or = |speed: Option<&f64>| speed.copied().unwrap_or(SPEED);
         match (name, numbers) {
@@ -123,7 +123,7 @@ impl Gcl {
         status::OK
     }
 
-    /// The answer to a question; None for one it does not know.
+    /// The answer to a question; None for an unknown one.
     fn value(&self, name: &str) -> Option<String> {
         let weiss = &self.weiss;
         Some(match name {
@@ -152,8 +152,8 @@ impl Gcl {
         status::OK
     }
 
-    /// `AUTOSEND("POS", 100)` sends a value every 100 ms, marked by `@`; `AUTOSEND("POS", 0)` no more. What follows is
-    /// passed over.
+    /// `AUTOSEND("POS", 100)` sends a value every 100 ms, marked by `@`; `AUTOSEND("POS", 0)` stops that. Further words
+    /// are ignored.
     fn subscribe(&mut self, now_ns: u64, words: &[&str]) -> u16 {
         let [name, period_ms, ..] = words else { return status::FORMAT };
         let name = name.trim_matches('"');
@@ -169,7 +169,7 @@ impl Gcl {
         status::OK
     }
 
-    /// A refusal: the status as a number, or, asked to be verbose, by its name.
+    /// A refusal: the status as a number or, in verbose mode, by its name.
     fn refusal(&self, name: &str, code: u16) -> String {
         let code = match self.is_verbose {
             true => status::name(code).map_or(code.to_string(), |name| format!("E_{name}")),
@@ -195,7 +195,7 @@ impl Gcl {
     }
 }
 
-/// A name and what stands in its brackets, out of `NAME(1,2)`.
+/// Splits `NAME(1,2)` into the name and what is in the brackets.
 fn call(line: &str) -> Option<(&str, Vec<&str>)> {
     let (name, words) = line.strip_suffix(')')?.split_once('(')?;
     let known = ["HOME", "MOVE", "GRIP", "RELEASE", "STOP", "FSACK", "FSTOP", "FASTSTOP", "BYE", "AUTOSEND"];

@@ -4,14 +4,14 @@ use super::force_sensor::{ForceSensor, SensorFaults};
 use super::paced_drive::PacedDrive;
 use slipbound::plant::{JawCommand, JawSettings, Plant};
 
-/// Share of the force asked for at which a grasp counts as established.
+/// Share of the requested force at which a grasp counts as established.
 const ESTABLISHED: f64 = 0.9;
 
-/// Time for which jaws on their way have to stand still to be called blocked, ns.
+/// Time for which moving jaws must stand still to count as blocked, ns.
 const BLOCKED_NS: u64 = 50_000_000;
 
-/// Jaws that press on a plant. They move by [`JawDrive`](slipbound::plant::JawDrive), as those of the simulator, each
-/// command with a speed of its own.
+/// Jaws that press on a plant. They move by [`JawDrive`](slipbound::plant::JawDrive), like those of the simulator, but
+/// each command has a speed of its own.
 #[derive(Debug, Clone)]
 pub struct EmulatedJaws {
     drive: PacedDrive,
@@ -21,7 +21,7 @@ pub struct EmulatedJaws {
     /// The newest command; the jaws follow it after their delay.
     newest: JawCommand,
     newest_ns: u64,
-    /// Of commands to come, mm/s.
+    /// Speed of later commands, mm/s.
     speed_mm_per_s: f64,
     /// Whether closing fingers that find nothing press on each other.
     may_meet: bool,
@@ -51,7 +51,7 @@ impl EmulatedJaws {
         }
     }
 
-    /// Lets time pass: the jaws move, and press on the plant. Does not advance the plant.
+    /// Advances the time: the jaws move, and press on the plant. Does not advance the plant.
     pub fn advance_to(&mut self, now_ns: u64, plant: &mut dyn Plant) {
         let part_mm = self.between_mm(plant);
         let before_mm = self.drive.opening_mm();
@@ -74,12 +74,12 @@ impl EmulatedJaws {
         plant.width_mm().filter(|_| !self.is_part_gone)
     }
 
-    /// Speed off the object of the commands to come, mm/s. At first it is that of the settings.
+    /// Speed of later commands while off the object, mm/s. At first it is that of the settings.
     pub fn set_speed(&mut self, speed_mm_per_s: f64) {
         self.speed_mm_per_s = speed_mm_per_s;
     }
 
-    /// Whether fingers that find nothing press on each other, until they are told to move or to stay.
+    /// Whether fingers that find nothing press on each other, until the next command to move or to stay.
     pub fn let_meet(&mut self, may_meet: bool) {
         self.may_meet = may_meet;
     }
@@ -111,7 +111,7 @@ impl EmulatedJaws {
         self.is_part_gone = true;
     }
 
-    /// From now on every new force is refused.
+    /// From here on every new force is refused.
     pub fn refuse_force(&mut self) {
         self.refuses_force = true;
     }
@@ -136,7 +136,7 @@ impl EmulatedJaws {
         self.drive.target_n().is_some_and(|target_n| self.touches() && self.force_n() >= ESTABLISHED * target_n)
     }
 
-    /// Whether a motion to an opening has got there.
+    /// Whether a motion to an opening has reached it.
     pub fn is_there(&self) -> bool {
         match self.newest {
             JawCommand::MoveTo { opening_mm } => {
@@ -146,17 +146,17 @@ impl EmulatedJaws {
         }
     }
 
-    /// From now on its force is read with these faults, whose noise is drawn from `seed`.
+    /// From here on its force is read with these faults, whose noise is drawn from `seed`.
     pub fn set_sensor(&mut self, faults: SensorFaults, seed: u64) {
         self.sensor = ForceSensor::new(faults, seed);
     }
 
-    /// What its sensor reads of that force, N per finger.
+    /// The sensor's reading of that force, N per finger.
     pub fn reading_n(&self) -> f64 {
         self.sensor.reading_n()
     }
 
-    /// Whether a motion to an opening stands still before it has got there: something is in the way.
+    /// Whether a motion to an opening stands still before it has reached it: something is in the way.
     pub fn is_blocked(&self) -> bool {
         let moves = matches!(self.newest, JawCommand::MoveTo { .. });
         moves
@@ -165,7 +165,7 @@ impl EmulatedJaws {
             && !self.is_there()
     }
 
-    /// What the sensor reads now counts as no force.
+    /// The present reading of the sensor counts as no force.
     pub fn tare(&mut self) {
         self.sensor.tare();
     }
@@ -180,7 +180,7 @@ impl EmulatedJaws {
         self.drive.opening_mm()
     }
 
-    /// How fast that changes, mm/s; negative while closing.
+    /// Its rate of change, mm/s; negative while closing.
     pub fn velocity_mm_per_s(&self) -> f64 {
         self.velocity_mm_per_s
     }

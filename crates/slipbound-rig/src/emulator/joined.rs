@@ -10,10 +10,10 @@ use slipbound::port::{
     DriverEvent, GripCommand, Gripper, GripperError, GripperState, Wrist, WristCommand, WristError, WristState,
 };
 
-/// Time after which a lost link is made again, ns: as long as a driver at a socket waits.
+/// Time after which a lost link is reconnected, ns: that of a driver on a socket.
 const RECONNECT_NS: u64 = 250_000_000;
 
-/// Most exchanges at one time: two that answer each other for ever are interrupted.
+/// Most exchanges at one time: an endless exchange of answers is interrupted.
 const MOST_EXCHANGES: u32 = 10_000;
 
 /// A driver joined to an emulator. Its owner passes the time to [`Joined::step`]; as a [`Gripper`] or a [`Wrist`] it is
@@ -81,7 +81,7 @@ impl<D: Endpoint> Joined<D> {
         }
     }
 
-    /// Moves bytes until neither side has any to send. False if that state was not reached.
+    /// Moves bytes until neither side has any to send. False if that does not happen.
     pub fn exchange(&mut self) -> bool {
         for _ in 0..MOST_EXCHANGES {
             if !self.is_connected || !self.is_delivering {

@@ -1,5 +1,5 @@
-//! A [`JawDrive`] with a speed for each command, while the drive itself knows one speed: on the way its time runs faster
-//! or slower, pressing it runs as it is.
+//! A [`JawDrive`] with a speed for each command. The drive itself has one speed, so its time runs faster or slower
+//! while the jaws move, and at the true rate while they press.
 //!
 //! ```text
 //!   opening ____                       time of the drive           .
@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 /// Jaws in motion.
 #[derive(Debug, Clone)]
 pub(super) struct PacedDrive {
-    /// Without a delay: that is waited for here, in true time.
+    /// Without a delay: the delay is applied here, in true time.
     drive: JawDrive,
     settings: JawSettings,
     /// When they take effect, ns; the command; its speed, mm/s.
@@ -21,7 +21,7 @@ pub(super) struct PacedDrive {
     running: JawCommand,
     speed_mm_per_s: f64,
     now_ns: u64,
-    /// What the drive takes for the time, ns; not rounded, or many short steps would lose some of it.
+    /// Time of the drive, ns; not rounded, because many short steps would lose some of it.
     drive_ns: f64,
 }
 
@@ -41,7 +41,7 @@ impl PacedDrive {
         }
     }
 
-    /// What is true of the jaws; the speed is the drive's own.
+    /// The settings of the jaws; the speed is the drive's own.
     pub fn settings(&self) -> &JawSettings {
         &self.settings
     }
@@ -51,7 +51,7 @@ impl PacedDrive {
         self.waiting.push_back((self.now_ns + self.settings.delay_ns, command, speed_mm_per_s));
     }
 
-    /// Lets time pass up to `now_ns`, with an object of this width between the jaws (None: nothing).
+    /// Advances the time to `now_ns`, with an object of this width between the jaws (None: nothing).
     pub fn advance_to(&mut self, now_ns: u64, width_mm: Option<f64>) {
         while let Some((due_ns, command, speed_mm_per_s)) = self.waiting.pop_front() {
             if due_ns > now_ns {
@@ -96,7 +96,7 @@ impl PacedDrive {
         self.drive.touches()
     }
 
-    /// Force per finger that the jaws now go for, N; None when they do not grasp.
+    /// The target force per finger, N; None when they do not grasp.
     pub fn target_n(&self) -> Option<f64> {
         self.drive.target_n()
     }

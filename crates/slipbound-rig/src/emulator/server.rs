@@ -8,13 +8,13 @@ use std::net::TcpListener;
 use std::thread;
 use std::time::Duration;
 
-/// Time between two looks at link and jaws.
+/// Time between two updates of link and jaws.
 const PAUSE: Duration = Duration::from_millis(1);
 
-/// Bytes a client may leave unread before it is taken for dead.
+/// Bytes a client may leave unread before it counts as dead.
 const MOST_UNREAD_BYTES: usize = 1 << 16;
 
-/// One connection served a little: bytes in, time on, bytes out. An error: the connection is over.
+/// Serves one connection once: bytes in, time on, bytes out. An error: the connection is over.
 fn serve_a_little(link: &mut dyn Link, emulator: &mut Emulator, inbox: &mut Vec<u8>) -> io::Result<()> {
     inbox.clear();
     let read = link.read(inbox);
@@ -32,7 +32,7 @@ fn serve_a_little(link: &mut dyn Link, emulator: &mut Emulator, inbox: &mut Vec<
     read.and(written).map(drop)
 }
 
-/// A port at which an emulator is served, one connection after the other; a new one takes the place of an old.
+/// Serves an emulator on a port, one connection at a time; a new one replaces the old.
 pub struct Server {
     listener: TcpListener,
     link: Option<TcpLink>,
@@ -40,7 +40,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Takes over a port.
+    /// Takes a port.
     pub fn new(listener: TcpListener) -> io::Result<Self> {
         listener.set_nonblocking(true)?;
         Ok(Server { listener, link: None, inbox: Vec::with_capacity(8192) })
@@ -67,7 +67,7 @@ impl Server {
 
     fn welcome(&mut self, link: TcpLink, emulator: &mut Emulator) {
         if let Some(mut old) = self.link.take() {
-            // What it still had to say, a farewell perhaps, came before the new one.
+            // The last bytes of the old connection, a farewell perhaps, came before the new one.
             self.inbox.clear();
             while old.read(&mut self.inbox).is_ok_and(|count| count > 0) {
                 emulator.receive(now_ns(), &self.inbox);

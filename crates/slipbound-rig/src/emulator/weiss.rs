@@ -5,14 +5,14 @@ use super::jaws::EmulatedJaws;
 use crate::gripper::wsg50::words::{grasp, status};
 use slipbound::plant::{JawSettings, Plant};
 
-/// What is set in the gripper's web page. Unconfirmed: the numbers are not from a gripper.
+/// Settings of the gripper's web page. Unconfirmed: the numbers are not from a gripper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     /// The jaws.
     pub jaws: JawSettings,
     /// Contact half of this before the part's width is a collision, mm.
     pub part_width_tolerance_mm: f64,
-    /// How far the fingers go beyond the part's width in search of it, mm.
+    /// How far the fingers go beyond the part's width to find it, mm.
     pub clamping_travel_mm: f64,
     /// Whether a connection that breaks without a farewell latches a fast stop.
     pub stops_on_disconnect: bool,
@@ -39,13 +39,13 @@ pub(crate) enum Task {
     Home {
         closes: bool,
     },
-    /// `clamps`: what is in the way is pressed on with the force limit.
+    /// `clamps`: an object in the way is pressed on with the force limit.
     Move {
         opening_mm: f64,
         speed: f64,
         clamps: bool,
     },
-    /// Without a width: whatever stops the fingers is the part, be it the other finger.
+    /// Without a width: whatever stops the fingers is the part, even the other finger.
     Grasp {
         width_mm: Option<f64>,
         speed: f64,
@@ -61,7 +61,7 @@ pub(crate) enum Task {
 pub(crate) enum End {
     #[default]
     Other,
-    /// Where it was told to go.
+    /// At its target.
     Reached,
     /// Something was in the way of closing fingers.
     Blocked,
@@ -84,7 +84,7 @@ pub(crate) struct Weiss {
     pub is_stopped: bool,
     pub is_farewell_said: bool,
     ended: Vec<(Task, u16)>,
-    /// Whether it presses on what was in the way of a MOVE.
+    /// Whether it presses on an object that was in the way of a MOVE.
     is_clamping: bool,
     is_limit_fixed: bool,
     is_regrasp_allowed: bool,
@@ -119,7 +119,7 @@ impl Weiss {
         self.is_farewell_said = false;
     }
 
-    /// The motions that have ended since this was last asked, with their status.
+    /// The motions that have ended since the last call, with their status.
     pub fn take_ended(&mut self) -> Vec<(Task, u16)> {
         std::mem::take(&mut self.ended)
     }
@@ -131,7 +131,7 @@ impl Weiss {
         self.ended.clear(); // there is no link to report them on
     }
 
-    /// A farewell ends whatever moves.
+    /// A farewell ends any motion.
     pub fn bid_farewell(&mut self) {
         self.is_farewell_said = true;
         if self.running.is_some() {
@@ -282,7 +282,7 @@ impl Weiss {
             self.jaws.stay();
         }
         if self.is_clamping && self.jaws.has_begun() && !self.jaws.touches() {
-            self.is_clamping = false; // what was in the way is gone
+            self.is_clamping = false; // nothing is in the way any more
             self.jaws.stay();
         }
     }
@@ -313,7 +313,7 @@ impl Weiss {
                 (self.running, self.is_homed, self.is_stopped) = (None, false, false);
                 (self.end, self.is_clamping) = (End::Other, false);
                 (self.grasp, self.limit_n) = (grasp::IDLE, self.settings.jaws.most_n);
-                self.is_farewell_said = true; // what has no power latches nothing
+                self.is_farewell_said = true; // without power nothing is latched
             }
             Fault::FixedLimit => self.is_limit_fixed = true,
             Fault::AllowRegrasp => self.is_regrasp_allowed = true,

@@ -40,7 +40,7 @@ impl Default for Wsg50 {
 }
 
 impl Wsg50 {
-    /// Wide open, force limit at the most.
+    /// Wide open, with the largest force limit.
     pub fn new(settings: Settings) -> Self {
         Wsg50 { weiss: Weiss::new(settings), parser: Parser::default(), updates: Vec::new() }
     }

@@ -9,12 +9,12 @@ use crate::link::{Connector, TcpConnector};
 use std::path::Path;
 use std::sync::Arc;
 
-/// The driver of an address without its link, where bytes are to be moved in another way; connects nothing.
+/// The driver for an address without its link, for callers that move the bytes in another way; connects nothing.
 pub fn driver(address: &str, config: Option<&Path>) -> Result<Driver, Error> {
     Ok(resolve(address, config)?.0)
 }
 
-/// A driver, and how its link is made (not at all for `dry`).
+/// A driver, and how its link is made (None for `dry`).
 pub(super) type Resolved = (Driver, Option<Arc<dyn Connector>>);
 
 /// The driver and the link that an address with its settings names.

@@ -1,5 +1,5 @@
 //! Measures whether a gripper keeps its grip while its force is changed: up, down, up, down, with an object that may
-//! fall. That is not published for a WSG-50.
+//! fall. For a WSG-50 this is not published.
 
 use super::settled::jaws_name;
 use slipbound::grip::ForceSense;
@@ -14,7 +14,7 @@ const GRASP_NS: u64 = 10_000_000_000;
 /// How often the force goes up and down.
 const ROUNDS_COUNT: u32 = 3;
 
-/// Deepest dip below the lower of the two forces that is still holding on, as a fraction of it.
+/// Deepest dip below the lower of the two forces that still counts as holding, as a fraction of it.
 const DIP_FRACTION: f64 = 0.2;
 
 /// Largest difference between a force and its measurement after settling, as a fraction of it.
@@ -51,7 +51,7 @@ pub enum Verdict {
     },
 }
 
-/// The trial as a state machine, told the time and the state of the gripper.
+/// The trial as a state machine that receives the time and the state of the gripper.
 #[derive(Debug)]
 pub struct CheckHold {
     low_n: f64,

@@ -103,7 +103,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Forces the hardware can be asked for, in its own newtons.
+    /// Forces that the hardware accepts, in its own newtons.
     fn hardware_n(self) -> (f64, f64) {
         match self {
             Kind::Wsg50 | Kind::Gcl => (5.0, 80.0),
@@ -113,7 +113,7 @@ impl Kind {
     }
 }
 
-/// Reading below which it is no measurement, N per finger: more than a bias.
+/// Lowest reading that counts as a measurement, N per finger: no bias is larger.
 const LEAST_READING_N: f64 = -10.0;
 
 impl Config {
@@ -150,12 +150,12 @@ impl Config {
                 opening_table: vec![[3.0, 85.0], [230.0, 0.0]],
                 ..wsg50
             },
-            // Its other side answers for what a lower force does.
+            // The other side is responsible for what a lower force does.
             Kind::Line | Kind::Dry => Config { lowering: Lowering::Allow, ..wsg50 },
         }
     }
 
-    /// Defaults, under the keys of a file, under those of the address (`key=value`, joined by `&`).
+    /// Defaults, overridden by the keys of a file, overridden by those of the address (`key=value`, joined by `&`).
     pub fn load(kind: Kind, file: Option<&Path>, address: &str, query: &str) -> Result<Self, Error> {
         let mut layers = Vec::new();
         let mut from_query = Table::new();
@@ -210,7 +210,7 @@ impl Config {
         Ok(())
     }
 
-    /// How many of the gripper's own newtons one newton per finger is.
+    /// The gripper's own newtons per newton per finger.
     fn own_per_finger(&self) -> f64 {
         match self.force_is {
             ForceIs::PerFinger => 1.0,
@@ -252,7 +252,7 @@ fn within(key: &str, value: f64, low: f64, high: f64) -> Result<(), SettingError
     Err(SettingError { key: key.into(), got: value.to_string(), expected: format!("a number from {low} to {high}") })
 }
 
-/// Pairs whose first rises within a byte and whose second goes the one way (`sign`).
+/// Checks pairs: the first number rises within a byte, the second goes one way (`sign`).
 fn table(key: &str, pairs: &[[f64; 2]], expected: &str, sign: f64) -> Result<(), SettingError> {
     let steps = pairs.windows(2).all(|w| w[1][0] > w[0][0] && sign * (w[1][1] - w[0][1]) > 0.0);
     let bytes = pairs.iter().all(|pair| (0.0..=255.0).contains(&pair[0]) && pair[1].is_finite() && pair[1] >= 0.0);
@@ -262,7 +262,7 @@ fn table(key: &str, pairs: &[[f64; 2]], expected: &str, sign: f64) -> Result<(),
     Err(SettingError { key: key.into(), got: format!("{pairs:?}"), expected: expected.into() })
 }
 
-/// Reads a table along one of its columns: `from` 0 or 1; beyond its ends the end counts.
+/// Interpolates a table along one of its columns: `from` 0 or 1; beyond its ends the end value counts.
 pub(crate) fn read_table(pairs: &[[f64; 2]], from: usize, value: f64) -> f64 {
     let to = 1 - from;
     let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else { return 0.0 };

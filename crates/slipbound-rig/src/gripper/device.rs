@@ -12,8 +12,8 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
-/// Longest wait for the first whole state, ns: of a gripper from which nothing comes, and of one that answers late. Robotiq's is
-/// asked for in five questions, each of which may take the reply time.
+/// Longest wait for the first complete state, ns: of a silent gripper, and of one that answers late. Robotiq's state
+/// takes five questions, each of which may take the reply time.
 const FIRST_STATE_NS: u64 = 2_000_000_000;
 const LATE_STATE_NS: u64 = 5_000_000_000;
 
@@ -103,7 +103,7 @@ impl Device {
         self.driver.permit_lowering(permitted);
     }
 
-    /// Gives up a link through which nothing comes, after a farewell: that may yet arrive.
+    /// Gives up a silent link, after a farewell, which may still arrive.
     fn give_up_silent_link(&mut self) {
         if !self.connection.reconnects() || !self.connection.is_up() {
             return;

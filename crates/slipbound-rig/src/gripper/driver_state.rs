@@ -10,10 +10,10 @@ use std::collections::VecDeque;
 /// Most events kept; the oldest go first.
 const EVENTS_COUNT: usize = 64;
 
-/// Time between two reports of bytes that were no message, ns.
+/// Time between two reports of garbled bytes, ns.
 const GARBLED_NS: u64 = 10_000_000_000;
 
-/// Difference in force that counts as none, N per finger: below what any of these grippers resolves.
+/// Difference in force that counts as none, N per finger: below the resolution of all these grippers.
 const SAME_FORCE_N: f64 = 0.01;
 
 /// The state of a [`Driver`](super::Driver), on which its [`Protocol`](super::Protocol) works.
@@ -31,12 +31,12 @@ pub struct DriverState {
     /// Whether a link has ended that may have latched a fast stop.
     has_lost_link: bool,
     lowering_permitted: bool,
-    /// The force of a command that was never answered, N per finger: it may be on.
+    /// The force of a command that was never answered, N per finger: it may be in effect.
     doubted_n: Option<f64>,
-    /// The last force asked for outside the range, N per finger: it is reported once.
+    /// The last requested force outside the range, N per finger: it is reported once.
     clamped_n: Option<f64>,
     held: Held,
-    /// Bytes that were no message and have not been told, and when some last were, ns.
+    /// Garbled bytes that have not been reported, and the time of the last report, ns.
     garbled_count: usize,
     garbled_ns: Option<u64>,
     fault: Option<Error>,
@@ -106,12 +106,12 @@ impl DriverState {
         self.held.seems_to_hold(&self.gripper, &self.config)
     }
 
-    /// Something was received: whether the jaws hold something, or have let it go, is remembered.
+    /// A message was received: records whether the jaws hold something or have released it.
     pub(super) fn see_jaws(&mut self) {
         self.held.see(&self.gripper, &self.config);
     }
 
-    /// The gripper has taken over this force, N per finger, or says that it has it. None: it does not say.
+    /// The gripper has accepted this force, N per finger, or reports that it has it. None: it does not say.
     pub fn settle_target(&mut self, force_n: Option<f64>) {
         self.gripper.target_n = force_n;
         if force_n.is_some() {
@@ -119,7 +119,8 @@ impl DriverState {
         }
     }
 
-    /// A command with this force, N per finger, was never answered: the gripper may hold with it or with that of before.
+    /// A command with this force, N per finger, was never answered: the gripper may hold with it or with the force
+    /// before.
     pub fn doubt_target(&mut self, force_n: Option<f64>) {
         self.doubted_n = self.doubted_n.into_iter().chain(force_n).reduce(f64::max);
     }
@@ -133,7 +134,7 @@ impl DriverState {
         self.events.push_back(event);
     }
 
-    /// Bytes that were no message are told at once, and then once in a while, all together.
+    /// Garbled bytes are reported at once, later ones together from time to time.
     fn gathered(&mut self, event: DriverEvent) -> Option<DriverEvent> {
         let DriverEvent::Garbled { bytes_count } = event else { return Some(event) };
         self.garbled_count += bytes_count;
@@ -214,8 +215,9 @@ impl DriverState {
         self.lowering_permitted = permitted || self.config.lowering == Lowering::Allow;
     }
 
-    /// A force as it may be sent, N per finger: a number, inside its range, and, while something is held and unless that is
-    /// permitted, not lower than the last one or one on its way. One that may be on is not lowered either: it is sent again.
+    /// The force that may be sent, N per finger: a number, within its range and, while something is held and lowering
+    /// is not permitted, not below the last force or one on its way. A force that may be in effect is not lowered
+    /// either: it is sent again.
     pub(super) fn admit(&mut self, asked_n: f64, on_its_way_n: Option<f64>) -> Result<f64, Error> {
         let Config { least_n, most_n, .. } = self.config;
         let Some(mut given_n) = self.config.admitted_n(asked_n) else {

@@ -29,7 +29,7 @@ pub enum Error {
         /// The system's reason.
         source: io::Error,
     },
-    /// The link is lost; it is being made again.
+    /// The link is lost; it is being reconnected.
     #[error("{address}: the link is lost ({why}); the gripper keeps its force, reconnecting")]
     Lost {
         /// Where.
@@ -37,7 +37,7 @@ pub enum Error {
         /// The system's reason.
         why: String,
     },
-    /// The link is there, but nothing comes through it.
+    /// The link is up, but nothing comes through it.
     #[error(
         "{address}: expected a sign of life every {expected_ms} ms, got none for {got_ms} ms; the gripper keeps its force"
     )]
@@ -66,7 +66,7 @@ pub enum Error {
         address: String,
         /// The command.
         command: &'static str,
-        /// What it said.
+        /// Its answer.
         got: String,
     },
     /// A force that is not a number.
@@ -81,7 +81,8 @@ pub enum Error {
         /// What was asked for.
         got_n: f64,
     },
-    /// A lower force while something is held, and it is not known whether this gripper holds on through the change.
+    /// A lower force while something is held, and it is not known whether this gripper keeps its grip during the
+    /// change.
     #[error(
         "{address}: a lower force was asked for while holding ({from_n} N to {to_n} N per finger), but this gripper has not been shown to hold on through that: run check-hold, then set lowering = \"allow\""
     )]
@@ -111,7 +112,7 @@ pub enum Error {
         /// Where.
         address: String,
     },
-    /// The driver has not yet heard enough of the gripper to command it safely.
+    /// The driver does not know enough of the gripper yet to command it safely.
     #[error("{address}: expected {expected}, got no word of it yet; try again in a moment")]
     NotReady {
         /// Where.

@@ -1,9 +1,9 @@
 //! Weiss WSG-50, text interface (Gripper Control Language).
 //!
-//! The protocol asks for position, force and state in turn and has one question or command in flight at a time.
-//! The manual's basic commands know the force only as part of `GRIP`, and `GRIP` is not possible while a part is held:
-//! a new force while holding is sent once, and refused from then on if the gripper refuses it. For a force that
-//! follows the slip take the binary interface.
+//! The protocol asks for position, force and state in turn and has one question or command in flight at a time. In the
+//! manual's basic commands the force is only a part of `GRIP`, and `GRIP` is not possible while a part is held: a new
+//! force while holding is sent once, and refused from then on if the gripper refuses it. For a force that follows the
+//! slip use the binary interface.
 
 mod message;
 
@@ -17,14 +17,14 @@ use crate::link::{InFlight, Lines, write_line};
 use message::{Message, QUESTIONS, is_name};
 use slipbound::port::{DriverEvent, GripCommand, Jaws};
 
-/// A motion on its way to its end.
+/// A motion in progress.
 #[derive(Debug, Clone, Copy)]
 struct Motion {
     name: &'static str,
     since_ns: u64,
 }
 
-/// A grip that ended in an error, until the gripper's state says what became of it.
+/// A grip that ended in an error, until the gripper's state shows the outcome.
 #[derive(Debug)]
 struct FailedGrip {
     why: String,
@@ -43,18 +43,18 @@ pub struct Gcl {
     goal: Goal,
     in_flight: Option<InFlight<Message>>,
     motion: Option<Motion>,
-    /// The motion that our STOP has ended and whose end the gripper has not told yet.
+    /// The motion that our STOP has ended, until the gripper reports its end.
     stopped: Option<&'static str>,
     failed_grip: Option<FailedGrip>,
     /// The force of the last grip that was answered, N per finger.
     gripped_n: Option<f64>,
-    /// The same of the link before, until the state says whether it still holds.
+    /// The same for the previous link, until the state shows whether it still holds.
     gripped_before_n: Option<f64>,
-    /// Whether a later command was never answered: it may have come through after all.
+    /// Whether a later command was never answered: it may have arrived.
     is_in_doubt: bool,
     is_release_given: bool,
     is_stopped: bool,
-    /// Whether it has said that it must be homed first.
+    /// Whether it has reported that it must be homed first.
     is_unhomed: bool,
     is_regrip_refused: bool,
 }
@@ -95,7 +95,7 @@ impl Gcl {
         }
     }
 
-    /// The three questions one after the other, once a period.
+    /// The three questions one after the other, once per period.
     fn ask(&mut self, driver: &mut DriverState) {
         let now_ns = driver.now_ns();
         if self.question == 0 {
@@ -115,7 +115,7 @@ impl Gcl {
             return driver.push_event(DriverEvent::Garbled { bytes_count: 1 });
         };
         if let Some((name, value)) = line.split_once('=') {
-            // Marked so, a value comes by itself, and answers no question.
+            // With this mark a value is unsolicited, and answers no question.
             let (name, is_answer) = name.strip_prefix('@').map_or((name, true), |name| (name, false));
             return self.take_value(driver, name, value, is_answer);
         }
@@ -201,7 +201,7 @@ impl Gcl {
         }
     }
 
-    /// What an error without a name is about: the command in flight, or else the motion; a question hardly fails.
+    /// The subject of an error without a name: the command in flight, or else the motion; a question hardly fails.
     fn meant(&self) -> &'static str {
         match (&self.in_flight, self.motion) {
             (Some(InFlight { message: Message::Question(_), .. }) | None, Some(motion)) => motion.name,
@@ -217,7 +217,7 @@ impl Gcl {
         if is_aborted && self.stopped.take_if(|stopped| *stopped == name).is_some() {
             return;
         }
-        // What has not begun is not aborted: that is the motion before it.
+        // A command that has not begun is not aborted: the answer is for the motion before it.
         let ends_motion = is_aborted && self.motion.is_some_and(|motion| motion.name == name);
         let sent = if ends_motion { None } else { self.take_in_flight(name) };
         let name = match sent {
@@ -234,13 +234,13 @@ impl Gcl {
             || self.in_flight.as_ref().is_some_and(|sent| !matches!(sent.message, Message::Question(_)));
         match (name, status) {
             (_, status::ABORTED) if sent.is_none() && (name != "GRIP" || is_superseded()) => {}
-            // That no part was found is said by the state, which is asked in its turn.
+            // The state, which is asked in turn, shows that no part was found.
             ("GRIP", status::FAILED | status::ABORTED) if sent.is_none() => {
                 self.failed_grip = Some(FailedGrip { why, since_ns: driver.now_ns() });
             }
             ("GRIP", status::DENIED) if self.is_holding() => {
                 self.is_regrip_refused = true;
-                // One that was never answered was denied as well: it holds with the last that was.
+                // A command that was never answered was denied as well: it holds with the last answered one.
                 self.is_in_doubt = false;
                 driver.settle_target(self.gripped_n);
                 driver.raise_refused("a new force while holding", "a GRIP that is denied; take wsg50://");
@@ -262,7 +262,7 @@ impl Gcl {
         }
     }
 
-    /// A grip that failed was refused, unless the state tells that no part was found or that it was lost.
+    /// A failed grip was refused, unless the state shows that no part was found or that it was lost.
     fn tell_failed_grip(&mut self, driver: &mut DriverState) {
         let Some(failed) = self.failed_grip.take() else { return };
         if !matches!(self.grasp, Some(grasp::NO_PART | grasp::PART_LOST)) {
@@ -270,7 +270,7 @@ impl Gcl {
         }
     }
 
-    /// The gripper did not grip; it is sent again when it is asked for again.
+    /// The gripper did not grip; the command is sent again when it is requested again.
     fn refuse_grip(&mut self, driver: &mut DriverState, why: String) {
         if !self.is_holding() {
             (self.goal, self.gripped_n) = (Goal::Keep, None);
@@ -278,7 +278,7 @@ impl Gcl {
         driver.raise_refused("GRIP", why);
     }
 
-    /// Whether the gripper is known to have been given this force, N per finger.
+    /// Whether the gripper is known to have accepted this force, N per finger.
     fn has_gripped(&self, force_n: f64) -> bool {
         self.gripped_n == Some(force_n) && !self.is_in_doubt
     }
@@ -299,7 +299,7 @@ impl Gcl {
 impl Protocol for Gcl {
     fn linked(&mut self, driver: &mut DriverState) {
         self.is_in_doubt |= self.force_on_its_way(driver).is_some();
-        // The force it was last commanded, and that it has stopped itself, outlive a link.
+        // The force it was last commanded, and a fast stop, outlive a link.
         let gripped_before_n = self.gripped_n.or(self.gripped_before_n);
         let Gcl { is_in_doubt, is_stopped, is_unhomed, is_regrip_refused, .. } = *self;
         *self = Gcl { gripped_before_n, is_in_doubt, is_stopped, is_unhomed, is_regrip_refused, ..Gcl::default() };
@@ -316,9 +316,9 @@ impl Protocol for Gcl {
         match InFlight::take_overdue(&mut self.in_flight, driver.now_ns(), driver.config.reply_ms)
             .map(|sent| sent.message)
         {
-            // It is asked again in its turn; silence is reported by itself.
+            // It is asked again in turn; silence is reported separately.
             None | Some(Message::Question(_)) => {}
-            // It may have come through after all: the same once more is sent once more.
+            // It may have arrived: the same request is sent again when repeated.
             Some(message) => {
                 (self.goal, self.is_in_doubt, self.is_release_given) = (Goal::Keep, true, false);
                 driver.doubt_target(message.force_n());
@@ -391,7 +391,7 @@ impl Protocol for Gcl {
 
     fn home(&mut self, driver: &mut DriverState) -> Result<(), Error> {
         self.check_ready(driver)?;
-        // It may press without knowing it. One that has forgotten where its jaws are takes no release: only home is left then.
+        // It may press without reporting it. One that must be homed first accepts no release: only homing is left then.
         if !self.is_unhomed && driver.seems_to_hold() {
             return Err(driver.home_while_holding());
         }

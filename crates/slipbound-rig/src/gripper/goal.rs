@@ -1,8 +1,8 @@
-//! What the jaws should come to.
+//! The goal of the jaws.
 
 use slipbound::port::GripCommand;
 
-/// What the jaws should come to; the newest goal counts.
+/// The goal of the jaws; the newest one counts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) enum Goal {
     /// Nothing: leave everything as it is.
@@ -12,7 +12,7 @@ pub(crate) enum Goal {
     Hold { force_n: f64 },
     /// Open.
     Open,
-    /// Find out where the jaws are.
+    /// Find the position of the jaws.
     Home,
     /// Acknowledge a fast stop.
     Acknowledge,

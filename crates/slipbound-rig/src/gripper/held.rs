@@ -1,14 +1,14 @@
-//! Whether something may be between the jaws, whatever the gripper says at the moment: after a fast stop that was
-//! acknowledged, say, it presses without knowing that it holds. A force reading alone never says so: motors read a
-//! current with nothing between the jaws.
+//! Whether something may be between the jaws, whatever the gripper reports: after an acknowledged fast stop, for
+//! example, it presses without reporting that it holds. A force reading alone is no evidence: motors read a current
+//! with nothing between the jaws.
 
 use super::config::Config;
 use slipbound::port::{GripperState, Jaws};
 
-/// Way of the jaws that is one, mm.
+/// Least motion of the jaws that counts, mm.
 const MOVED_MM: f64 = 1.0;
 
-/// Idle readings that are averaged; from there on the oldest are forgotten.
+/// Idle readings that are averaged; beyond that the oldest are forgotten.
 const IDLE_COUNT: u32 = 50;
 
 /// What is remembered of the jaws.
@@ -56,7 +56,7 @@ impl Held {
         }
     }
 
-    /// Whether the jaws are open by their position: as far as they are ever told to, or further than they held.
+    /// Whether the jaws are open by their position: at the commanded opening, or wider than they held.
     fn has_opened(&self, state: &GripperState, config: &Config) -> bool {
         let Some(opening_mm) = state.opening_mm else { return false };
         let is_wide = opening_mm >= config.open_mm - MOVED_MM

@@ -1,5 +1,5 @@
-//! The line protocol: text that anyone can answer who already holds a gripper by another driver. Its description is in
-//! docs/grippers.md; a wrist speaks it too ([`crate::wrist`]).
+//! The line protocol: a text protocol for anyone who already controls a gripper by another driver. It is described in
+//! docs/grippers.md; a wrist uses it too ([`crate::wrist`]).
 
 mod message;
 
@@ -24,10 +24,10 @@ struct Command {
 #[derive(Debug, Default)]
 pub struct LineGripper {
     lines: Lines,
-    /// Of the last command sent.
+    /// Number of the last command sent.
     number: u64,
     goal: Goal,
-    /// The goal whose command was last taken over; `Keep` where that is not known.
+    /// The goal whose command was last accepted; `Keep` where that is not known.
     done: Goal,
     in_flight: Option<InFlight<Command>>,
     is_stated: bool,
@@ -69,7 +69,7 @@ impl LineGripper {
         self.in_flight.take_if(|sent| sent.message.number == number).map(|sent| sent.message)
     }
 
-    /// The other side has taken a command over, in these words.
+    /// The other side has accepted a command, in these words.
     fn take_over(&mut self, driver: &mut DriverState, sent: &Command, words: &str) {
         if sent.words != words {
             (self.goal, self.done) = (Goal::Keep, Goal::Keep);
@@ -103,7 +103,7 @@ impl LineGripper {
         driver.gripper.time_ns = driver.now_ns();
         driver.gripper.jaws = jaws;
         driver.gripper.force_n = measured_n;
-        // Ours counts while it is on; after a new link the other side's does.
+        // Our force counts while it is in effect; after a new link the other side's does.
         if !matches!(self.done, Goal::Hold { .. }) {
             driver.settle_target(target_n);
         }
@@ -130,7 +130,7 @@ impl Protocol for LineGripper {
     fn tick(&mut self, driver: &mut DriverState) {
         if let Some(sent) = InFlight::take_overdue(&mut self.in_flight, driver.now_ns(), driver.config.reply_ms) {
             driver.doubt_target(sent.message.goal.force_n());
-            // It may have come through after all: the other side says what it holds with.
+            // It may have arrived: the other side reports the force with which it holds.
             (self.goal, self.done) = (Goal::Keep, Goal::Keep);
             driver.raise_unanswered("a command");
         }
@@ -168,7 +168,8 @@ impl Protocol for LineGripper {
 
     fn home(&mut self, driver: &mut DriverState) -> Result<(), Error> {
         self.check_ready(driver)?;
-        // Jaws that have forgotten where they are may take no release: only home is left then. Those that tell no opening are open when they say so.
+        // Jaws that must be homed first may accept no release: only homing is left then. Jaws that report no opening
+        // are open when they say so.
         let GripperState { jaws, opening_mm, .. } = driver.gripper;
         let says_open = jaws == Jaws::Open && opening_mm.is_none();
         if jaws != Jaws::Unknown && !says_open && driver.seems_to_hold() {

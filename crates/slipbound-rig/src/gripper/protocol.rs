@@ -8,7 +8,7 @@ use slipbound::port::{GripCommand, Jaws};
 /// [`Driver`](super::Driver) around it does the rest, sets the time ([`DriverState::now_ns`]) and calls
 /// [`Protocol::advance`] after every other call, as long as something may be sent.
 pub trait Protocol: Send {
-    /// The link is up: forget everything that belongs to an earlier one. Nothing that moves the jaws may follow from it.
+    /// The link is up: forget everything that belongs to an earlier one. This must not move the jaws.
     fn linked(&mut self, driver: &mut DriverState);
 
     /// Bytes have been received: split and merged arbitrarily, possibly corrupted.
@@ -42,7 +42,7 @@ pub trait Protocol: Send {
         None
     }
 
-    /// Whether something asked for is still under way, or the first state is still awaited.
+    /// Whether a request is still in progress, or the first state is still awaited.
     fn is_busy(&self, driver: &DriverState) -> bool;
 
     /// Whether there is a link at all.

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-/// Time between two looks at the gripper.
+/// Polling period of the gripper.
 const PAUSE: Duration = Duration::from_millis(5);
 
 /// Longest wait for a request to be carried out, s.

@@ -6,10 +6,10 @@ use slipbound::port::{GripperState, Jaws};
 /// Time for which nothing may change, ns.
 const SETTLED_NS: u64 = 300_000_000;
 
-/// Change of the opening that is none, mm.
+/// Change of the opening that counts as none, mm.
 const SAME_OPENING_MM: f64 = 0.02;
 
-/// Told the time and the state of a gripper, says when it has settled.
+/// Receives the time and the state of a gripper, and reports when it has settled.
 #[derive(Debug, Clone, Default)]
 pub struct Settled {
     last: Option<(GripperState, u64)>,
@@ -17,7 +17,7 @@ pub struct Settled {
 }
 
 impl Settled {
-    /// Whether the gripper is settled now. `is_done`: it has taken the request over and its state is as wanted.
+    /// Whether the gripper is settled now. `is_done`: it has accepted the request and its state is as wanted.
     pub fn see(&mut self, now_ns: u64, state: &GripperState, is_done: bool) -> bool {
         self.force.see(now_ns, state, state.jaws != Jaws::Open);
         match &self.last {

@@ -1,7 +1,7 @@
 //! Weiss WSG-50, binary interface.
 //!
 //! The protocol first asks the gripper to send its states by itself, then has at most one command in flight at a time.
-//! A command that is overtaken before it was sent is never sent: the newest goal counts.
+//! A command that is superseded before it was sent is never sent: the newest goal counts.
 //!
 //! ```text
 //!   force F:  (stop, if it opens) -> limit F -> grasp, if not yet given since the last release
@@ -29,7 +29,7 @@ use words::status;
 /// How often an unanswered command that may safely arrive twice is sent again.
 const REPEATS_COUNT: u32 = 2;
 
-/// Least change of force of which it is seen whether the gripper follows, N per finger: several of its steps.
+/// Least change of force at which it can be seen whether the gripper follows, N per finger: several of its steps.
 const FOLLOWS_FROM_N: f64 = 2.0;
 
 /// The protocol.
@@ -40,13 +40,13 @@ pub struct Wsg50 {
     goal: Goal,
     phase: Phase,
     in_flight: Option<InFlight<Command>>,
-    /// Answers to force limits that may still come: a limit is sent again where none comes.
+    /// Answers to force limits that may still come: an unanswered limit is sent again.
     owed_count: u32,
-    /// Since when the gripper is asked for its limit, after which no such answer can come any more, ns.
+    /// Since when the gripper is asked for its limit, after which no such answer can come, ns.
     verifying_ns: Option<u64>,
-    /// Whether a limit was set while a grasp was under way, or nothing was held yet: whether the jaws have it is not known.
+    /// Whether a limit was set during a grasp, or with nothing held: whether the jaws have it is not known.
     is_limit_untried: bool,
-    /// How a change of force last reached the jaws, as it was reported.
+    /// How a change of force last reached the jaws, as reported.
     force_path: Option<&'static str>,
 }
 
@@ -67,7 +67,7 @@ impl Wsg50 {
         self.in_flight = Some(InFlight::new(driver.now_ns(), command));
     }
 
-    /// Sends a new limit, where no answer to an earlier one can be taken for its own.
+    /// Sends a new limit, unless an answer to an earlier one could be mistaken for its own.
     fn approach_limit(&mut self, driver: &mut DriverState, own_n: f64) {
         let (now_ns, reply_ns) = (driver.now_ns(), driver.config.reply_ms * 1_000_000);
         match self.verifying_ns {
@@ -124,7 +124,7 @@ impl Wsg50 {
         self.send_motion(driver, Command::Grasp, width_mm);
     }
 
-    /// A grasp that was not accepted is given again with the next command to hold, where nothing is held.
+    /// A grasp that was not accepted is given again with the next command to hold, if nothing is held.
     fn forget_grasp(&mut self, command: Command) {
         if command == Command::Grasp && !self.telemetry.is_holding() {
             self.phase = Phase::Idle;
@@ -143,7 +143,7 @@ impl Wsg50 {
         }
     }
 
-    /// Whether the measured force goes to the new limit; where it does not in time, the grasp is given again.
+    /// Checks whether the measured force follows the new limit; if it does not in time, the grasp is given again.
     fn check_following(&mut self, driver: &mut DriverState, from_n: f64, to_n: f64, until_ns: u64) {
         let measured_n = driver.gripper.force_n.unwrap_or(from_n);
         if (measured_n - to_n).abs() <= 0.5 * (from_n - to_n).abs() {
@@ -152,7 +152,7 @@ impl Wsg50 {
         } else if driver.now_ns() >= until_ns {
             let moved_n = (measured_n - from_n) * (to_n - from_n).signum();
             if driver.config.force_change == ForceChange::Auto && moved_n >= FOLLOWS_FROM_N {
-                // It follows a limit that moves on.
+                // The force follows a limit that keeps changing.
                 let until_ns = driver.now_ns() + driver.config.follow_ms * 1_000_000;
                 self.phase = Phase::Following { from_n: measured_n, to_n, until_ns };
                 return;
@@ -186,7 +186,7 @@ impl Wsg50 {
         } else if let Some(sent) = self.in_flight.take_if(|sent| sent.message.id() == frame.id) {
             self.take_answer(driver, sent.message, code);
         } else if let Some((command, _)) = self.phase.motion().filter(|(command, _)| command.id() == frame.id) {
-            // That it is under way may be said more than once.
+            // PENDING may be reported more than once.
             if code != status::PENDING {
                 self.take_end(driver, command, code);
             }
@@ -237,7 +237,7 @@ impl Wsg50 {
         }
     }
 
-    /// What the gripper said of a part before is of before.
+    /// What the gripper reported of a part no longer counts.
     fn become_idle(&mut self) {
         (self.phase, self.telemetry.is_grasp_old) = (Phase::Idle, true);
     }
@@ -251,8 +251,8 @@ impl Wsg50 {
         }
     }
 
-    /// Begins to look whether the measured force follows a new limit. One that moves on the same way is waited for no longer: a force
-    /// that is raised in every cycle would be waited for until it is raised no more.
+    /// Starts to check whether the measured force follows a new limit. A further change in the same direction keeps the
+    /// deadline: otherwise a force that is raised in every cycle would extend it each time.
     fn follow(&mut self, driver: &DriverState, own_n: f64) {
         let Some(measured_n) = driver.gripper.force_n else { return };
         let to_n = driver.config.from_own_n(own_n).unwrap_or(measured_n);
@@ -267,7 +267,7 @@ impl Wsg50 {
             }
             _ => (measured_n, driver.now_ns() + follow_ms * 1_000_000),
         };
-        // In small steps that cannot be seen; they add up until it can.
+        // A small step cannot be seen; small steps add up until they can.
         let is_seen = driver.config.force_change == ForceChange::Regrasp || (to_n - from_n).abs() >= FOLLOWS_FROM_N;
         self.phase = if is_seen { Phase::Following { from_n, to_n, until_ns } } else { Phase::Grasped };
     }
@@ -277,7 +277,7 @@ impl Wsg50 {
         self.phase = self.phase.ended();
         match (command, code) {
             (_, status::OK | status::ABORTED) => {}
-            // That no part was found is said by the grasp state.
+            // The grasp state reports that no part was found.
             (Command::Grasp, status::FAILED) => {}
             (command, code) => driver.raise_refused(command.name(), status::in_words(code)),
         }
@@ -294,7 +294,7 @@ impl Wsg50 {
                     driver.doubt_target(command.force_n(driver));
                     self.goal = Goal::Keep;
                     self.forget_grasp(command);
-                    self.telemetry.limit_own_n = None; // it may have come through after all: ask
+                    self.telemetry.limit_own_n = None; // it may have arrived: ask
                     driver.raise_unanswered(command.name());
                 }
             }
@@ -309,7 +309,7 @@ impl Wsg50 {
     }
 }
 
-/// No grasp can be given without a width.
+/// A grasp needs a width.
 fn width_unset(driver: &DriverState, command: &'static str) -> Error {
     let (address, key) = (driver.address(), "part_width_mm");
     let why = "a WSG-50 calls contact far from the width it was told a collision";
@@ -331,7 +331,7 @@ impl Protocol for Wsg50 {
             driver.push_event(DriverEvent::Garbled { bytes_count });
         }
         self.parser = parser;
-        // What is held when the link is made was grasped before: no grasp is to be given again.
+        // An object held when the link is made was grasped before: no grasp is to be given again.
         if self.phase == Phase::Idle && self.telemetry.is_holding() && !self.telemetry.is_grasp_old {
             self.phase = Phase::Grasped;
         }
@@ -386,7 +386,7 @@ impl Protocol for Wsg50 {
                     return Err(width_unset(driver, "grasp"));
                 }
             }
-            // A release that was refused is given again on the next request.
+            // A refused release is given again on the next request.
             GripCommand::Release if self.goal != Goal::Open && self.phase == Phase::Opened => self.phase = Phase::Idle,
             GripCommand::Release => {}
         }

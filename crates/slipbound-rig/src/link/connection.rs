@@ -78,8 +78,8 @@ impl Connection {
         }
     }
 
-    /// Sends all that is waiting, for at most this time. The one call here that waits: a device that is being closed
-    /// sends its farewell with it.
+    /// Sends all that is waiting, for at most this time. It is the only call here that waits: a device that is being
+    /// closed sends its farewell with it.
     pub fn flush(&mut self, endpoint: &mut dyn Endpoint, longest_ns: u64) {
         let from_ns = clock::now_ns();
         while self.is_up() && !endpoint.outgoing().is_empty() && clock::now_ns() - from_ns < longest_ns {
@@ -124,7 +124,7 @@ mod tests {
     use super::*;
     use std::sync::atomic::{AtomicU32, Ordering};
 
-    /// Nobody answers there; how often it was tried.
+    /// A connector that always fails; counts its attempts.
     #[derive(Default)]
     struct Nobody {
         tries_count: AtomicU32,
@@ -157,7 +157,7 @@ mod tests {
         let nobody = Arc::new(Nobody::default());
         let (mut connection, mut endpoint) = (Connection::new(None, Some(nobody.clone())), Silent::default());
         let tries_count = || nobody.tries_count.load(Ordering::SeqCst);
-        // The attempt is made on a thread of its own: the clock of the test stands until it is known to have failed.
+        // The attempt runs on a thread of its own: the test's clock stands still until it has failed.
         let mut poll = |now_ns: u64, until: &dyn Fn(&Connection) -> bool| {
             for _ in 0..1000 {
                 connection.poll_io(now_ns, &mut endpoint);

@@ -1,9 +1,9 @@
 //! One end of a link.
 
-/// The state machine at one end of a link. It is told the time, takes received bytes and provides bytes to be sent; it
-/// opens no socket and reads no clock. Its owner moves the bytes. Time never decreases.
+/// The state machine at one end of a link. It receives the time and bytes, and provides bytes to be sent; it opens no
+/// socket and reads no clock. Its owner moves the bytes. Time never decreases.
 pub trait Endpoint: Send {
-    /// The link is up: nothing of an earlier one is left. Asks for the state of the device, moves nothing.
+    /// The link is up: nothing of an earlier one remains. Asks for the state of the device, moves nothing.
     fn linked(&mut self, now_ns: u64);
 
     /// The link is down, for this reason.

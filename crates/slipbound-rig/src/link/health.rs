@@ -1,4 +1,4 @@
-//! Whether a link is up and something comes through it: what every driver keeps of its link.
+//! Whether a link is up and receives: the state that every driver keeps of its link.
 
 use std::mem;
 

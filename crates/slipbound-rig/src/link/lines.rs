@@ -1,6 +1,6 @@
 //! Lines of text from a stream of bytes.
 
-/// Longest line taken for one, bytes.
+/// Longest accepted line, bytes.
 const LONGEST: usize = 256;
 
 /// Appends a line of text.
@@ -17,7 +17,7 @@ pub(crate) struct Lines {
 }
 
 impl Lines {
-    /// Takes bytes and calls `found` with every line that is now whole, without its end. A line that is too long or
+    /// Takes bytes and calls `found` with every line that is now complete, without its end. A line that is too long or
     /// is not ASCII is reported as `None`.
     pub fn feed(&mut self, bytes: &[u8], mut found: impl FnMut(Option<&str>)) {
         for byte in bytes {
@@ -33,7 +33,7 @@ impl Lines {
         }
     }
 
-    /// Forgets what has not become a line.
+    /// Drops an incomplete line.
     pub fn clear(&mut self) {
         self.buffer.clear();
         self.is_too_long = false;

@@ -18,7 +18,7 @@ impl TcpLink {
     /// Takes over a connection.
     pub fn new(stream: TcpStream) -> io::Result<Self> {
         stream.set_nonblocking(true)?;
-        stream.set_nodelay(true)?; // commands are small, and late is worse than many
+        stream.set_nodelay(true)?; // commands are small, and delay is worse than many packets
         Ok(TcpLink { stream })
     }
 }

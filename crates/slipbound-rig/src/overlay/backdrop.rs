@@ -1,4 +1,4 @@
-//! The camera's picture, rectified and enlarged in one step.
+//! The camera's image, rectified and enlarged in one step.
 
 use slipbound::image::{Frame, Pixels, SizePx};
 use slipbound::plane::Vec2;
@@ -13,7 +13,7 @@ struct From {
     fraction: [u16; 2],
 }
 
-/// The rectified picture at the size of a panel.
+/// The rectified image at the size of a panel.
 #[derive(Debug, Clone)]
 pub(super) struct Backdrop {
     table: Vec<Option<From>>,
@@ -41,7 +41,7 @@ impl Backdrop {
         Backdrop { rgb: vec![0; 3 * table.len()], table }
     }
 
-    /// Takes a frame over; it must have the size that the sensor states.
+    /// Takes a frame; it must have the size that the sensor states.
     pub fn take(&mut self, frame: &Frame<'_>) {
         for (rgb, from) in self.rgb.chunks_exact_mut(3).zip(&self.table) {
             let Some(From { x, y, fraction: [fx, fy] }) = *from else {
@@ -64,7 +64,7 @@ impl Backdrop {
         }
     }
 
-    /// Makes the picture grey and pale, so that black shows on it.
+    /// Makes the image grey and pale, so that black stands out.
     pub fn pale(&mut self) {
         for rgb in self.rgb.chunks_exact_mut(3) {
             let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(u32::from);

@@ -1,4 +1,4 @@
-//! Arrows, dots and text on a picture, with smooth edges.
+//! Arrows, dots and text on an image, with smooth edges.
 
 use super::regions::Region;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
@@ -6,7 +6,7 @@ use slipbound::image::SizePx;
 use slipbound::plane::Vec2;
 use tiny_skia::{FillRule, Paint, Path, PathBuilder, Pixmap, PremultipliedColorU8, Rect, Stroke, Transform};
 
-/// Red, green, blue and how much they cover.
+/// Red, green, blue and opacity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Colour {
     rgb: [u8; 3],
@@ -59,7 +59,7 @@ impl Text {
     }
 }
 
-/// A picture to draw on; always opaque.
+/// An image to draw on; always opaque.
 #[derive(Debug, Clone)]
 pub(super) struct Canvas {
     pixmap: Pixmap,
@@ -86,14 +86,14 @@ impl Canvas {
         self.pixmap.fill(tiny_skia::Color::from_rgba8(r, g, b, 255));
     }
 
-    /// Takes over a picture of the same size: red, green, blue.
+    /// Copies an image of the same size: red, green, blue.
     pub fn put(&mut self, rgb: &[u8]) {
         for (pixel, rgb) in self.pixmap.pixels_mut().iter_mut().zip(rgb.chunks_exact(3)) {
             *pixel = opaque([rgb[0], rgb[1], rgb[2]]);
         }
     }
 
-    /// Copies a smaller picture to a place.
+    /// Copies a smaller image to a place.
     pub fn paste(&mut self, picture: &Canvas, (left, top): (usize, usize)) {
         let (stride, width) = (self.size().width, picture.size().width);
         let to = self.pixmap.pixels_mut()[top * stride..].chunks_exact_mut(stride);
@@ -102,7 +102,7 @@ impl Canvas {
         }
     }
 
-    /// Tints a region and draws its outline; the region's panel is the whole picture.
+    /// Tints a region and draws its outline; the region's panel is the whole image.
     pub fn region(&mut self, region: &Region, colour: Colour, tint: f32) {
         let pixels = self.pixmap.pixels_mut();
         region.for_each(|i, share, outline| {
@@ -129,7 +129,7 @@ impl Canvas {
         }
     }
 
-    /// Straight pieces from point to point.
+    /// Straight segments from point to point.
     pub fn line(&mut self, points: &[Vec2], width: f32, colour: Colour) {
         let mut path = PathBuilder::new();
         for (i, p) in points.iter().enumerate() {
@@ -143,7 +143,7 @@ impl Canvas {
         }
     }
 
-    /// An arrow with its tip at `to`, and a halo of a width and a colour round it.
+    /// An arrow with its tip at `to` and a halo of this width and colour.
     pub fn arrow(&mut self, from: Vec2, to: Vec2, width: f64, colour: Colour, halo: (f32, Colour)) {
         let Some(path) = arrow_path(from, to, width) else { return };
         self.stroke_path(&path, halo.0, halo.1);

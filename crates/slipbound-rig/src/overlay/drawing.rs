@@ -20,33 +20,34 @@ const ARROW_MIN_PX: f64 = 45.0;
 const MAGNIFICATION_MAX: f64 = 3.0;
 /// Shorter arrows (in canvas pixels) are left out: they would be blots.
 const ARROW_SHOWN_PX: f64 = 5.0;
-/// Between the panels.
+/// Gap between the panels.
 const GAP_PX: usize = 8;
 
-/// Draws frames of one finger. The picture is recycled.
+/// Draws frames of one finger. The image buffer is reused.
 #[derive(Debug, Clone)]
 pub struct Overlay {
     canvas: Canvas,
-    /// One panel at a time is drawn here: what reaches beyond its border is cut off.
+    /// Buffer for one panel at a time: drawing is clipped at its border.
     panel: Canvas,
     backdrop: Backdrop,
     contact: Region,
     inner: Region,
-    /// The inner region itself, and what draws it.
+    /// The inner region as a mask, and the erosion that makes it.
     eroded: Mask,
     erosion: Morphology,
     scale: f64,
-    /// Arrows are drawn this many times as long as the displacement in the picture.
+    /// Arrows are drawn this many times as long as the displacement in the image.
     magnification: f64,
 }
 
 impl Overlay {
-    /// For frames of this finger, at the size that its sensor states; at another, the first one drawn changes the size of the pictures.
+    /// For frames of this finger at the size that its sensor states. A frame of another size changes the size of the
+    /// images.
     pub fn new(sensor: &Sensor) -> Self {
         let rectified = sensor.rectified_px();
         let shorter = rectified.width.min(rectified.height) as f64;
         let scale = (PANEL_MIN_PX / shorter).max(1.0);
-        let even = |px: usize| ((px as f64 * scale).round() as usize).next_multiple_of(2); // as video codecs want it
+        let even = |px: usize| ((px as f64 * scale).round() as usize).next_multiple_of(2); // video codecs need even sizes
         let panel = SizePx::new(even(rectified.width), even(rectified.height));
         let magnification = (ARROW_MIN_PX / (0.3 * sensor.pitch_px * scale)).ceil().clamp(1.0, MAGNIFICATION_MAX);
         let size = SizePx::new(2 * panel.width + GAP_PX, strips::HEAD_PX + panel.height + strips::LEGEND_PX);
@@ -63,22 +64,22 @@ impl Overlay {
         }
     }
 
-    /// Size of the picture.
+    /// Size of the image.
     pub fn size(&self) -> SizePx {
         self.canvas.size()
     }
 
-    /// The picture drawn last: red, green, blue, rows without gaps.
+    /// The image drawn last: red, green, blue, rows without gaps.
     pub fn rgb(&self) -> Vec<u8> {
         self.canvas.rgb()
     }
 
-    /// Draws a frame and what was found on it, for example by a monitor that has just judged it. `frame`: None when it
-    /// did not arrive whole.
+    /// Draws a frame and the results on it, for example of a monitor that has just judged it. `frame`: None when it did
+    /// not arrive completely.
     pub fn draw<'a>(&mut self, frame: Option<&Frame<'_>>, report: &SlipReport, found: impl Into<Seen<'a>>) {
         let found = found.into();
         if found.sensor.rectified_px() != self.eroded.size() {
-            // Frames of another size than the sensor file states: the monitor knows the finger at theirs.
+            // The frames have another size than the sensor file states: the monitor's sensor has theirs.
             *self = Overlay::new(found.sensor);
         }
         let seen = frame.filter(|f| f.pixels.size() == found.sensor.image_px);
@@ -172,13 +173,13 @@ impl Overlay {
         }
     }
 
-    /// An arrow from a point of the rectified picture, with a halo: light round black, dark round colours.
+    /// An arrow from a point of the rectified image, with a halo: light round black, dark round colours.
     fn arrow(&mut self, from: Vec2, by: Vec2, width: f64, colour: Colour, alpha: f32) {
         let (from, by) = (self.at(from), by * self.scale);
         if by.length() < ARROW_SHOWN_PX || !by.is_finite() {
             return;
         }
-        // Red lies on yellow: a wide halo would hide that both go the same way.
+        // Red is drawn on yellow: a wide halo would hide that both point the same way.
         let halo = match colour {
             SLIP => (1.8, PAPER.with_alpha(0.85)),
             RIGID => (0.8, SLIP.with_alpha(0.35)),
@@ -187,13 +188,13 @@ impl Overlay {
         self.panel.arrow(from, from + by, width, colour.with_alpha(alpha), halo);
     }
 
-    /// Width of the thinnest arrows: finer where markers stand closer.
+    /// Width of the thinnest arrows: thinner where markers are closer.
     fn width(&self, pitch_px: f64) -> f64 {
         (0.03 * pitch_px * self.scale).clamp(1.6, 3.2)
     }
 
-    /// Where a point of the rectified picture lies on the panel; pixel centres are at whole numbers there, at
-    /// halves here.
+    /// Position on the panel of a point of the rectified image. Pixel centres are at whole numbers in the image, at
+    /// halves on the panel.
     fn at(&self, p: Vec2) -> Vec2 {
         (p + Vec2::new(0.5, 0.5)) * self.scale
     }

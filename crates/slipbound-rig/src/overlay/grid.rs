@@ -1,4 +1,4 @@
-//! The picture of a calibration: the camera image with the grid drawn in.
+//! The image of a calibration: the camera image with the grid drawn in.
 
 use super::canvas::{Canvas, Colour, Text};
 use slipbound::calibrate::{Calibration, GridMarker};
@@ -11,15 +11,15 @@ const MARKER: Colour = Colour::new(255, 255, 255);
 const OFF_GRID: Colour = Colour::new(232, 28, 36);
 const DEFECT: Colour = Colour::new(200, 60, 230);
 const PAPER: Colour = Colour::new(22, 25, 30);
-/// The picture's longer side has at least this many pixels.
+/// The image's longer side has at least this many pixels.
 const LONGER_MIN_PX: usize = 1280;
-/// Straight pieces between two nodes: the lines bend as the lens does.
+/// Straight segments between two nodes: the lines follow the lens distortion.
 const PIECES_COUNT: usize = 6;
-/// Height of the strip below the picture.
+/// Height of the strip below the image.
 const STRIP_PX: usize = 28;
 
-/// Red, green and blue of the picture, and its size: lines through the nodes as the map has them, a ring round every
-/// marker, red round what lies off the grid and was left out of the fit, defects in purple.
+/// Red, green and blue of the image, and its size: lines through the nodes of the map, a ring round every marker, red
+/// for markers off the grid that were left out of the fit, defects in purple.
 pub fn grid_picture(calibration: &Calibration) -> (Vec<u8>, SizePx) {
     let sensor = &calibration.sensor;
     let camera = sensor.image_px;

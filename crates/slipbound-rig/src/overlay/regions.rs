@@ -24,7 +24,7 @@ impl Region {
         Region { mask_size, panel, scale, soft: none.clone(), scratch: none, empty: true }
     }
 
-    /// Takes a mask over and smooths it.
+    /// Takes a mask and smooths it.
     pub fn take(&mut self, mask: &Mask) {
         self.empty = mask.area_px2() == 0;
         if self.empty {
@@ -74,8 +74,8 @@ impl Region {
     }
 }
 
-/// Running average of [`BOX_PX`] along lines of `length` pixels `step` apart, `lines` of them `line_step` apart;
-/// beyond the border counts as the border.
+/// Running average of [`BOX_PX`] along lines of `length` pixels `step` apart, `lines` of them `line_step` apart; the
+/// border value continues beyond the border.
 fn box_average(from: &[f32], to: &mut [f32], length: usize, lines: usize, step: usize, line_step: usize) {
     let half = BOX_PX / 2;
     for line in 0..lines {

@@ -1,20 +1,20 @@
-//! What an overlay shows beside the report.
+//! What an overlay shows besides the report.
 
 use slipbound::image::Mask;
 use slipbound::monitor::{Marker, SlipMonitor};
 use slipbound::pixels::morphology::Element;
 use slipbound::sensor::Sensor;
 
-/// What was found on a frame, borrowed from the monitor that has just judged it, or from a copy that was kept.
+/// The results on a frame, borrowed from the monitor that has just judged it, or from a copy.
 #[derive(Debug, Clone, Copy)]
 pub struct Seen<'a> {
     /// The facts of the finger at the size of its frames.
     pub sensor: &'a Sensor,
-    /// Every marker as it was known after the frame.
+    /// Every marker after the frame.
     pub markers: &'a [Marker],
     /// The contact region, rectified.
     pub contact_region: &'a Mask,
-    /// What erodes the contact region to the inner one; None without contact.
+    /// The structuring element that erodes the contact region to the inner one; None without contact.
     pub inner_erosion: Option<&'a Element>,
 }
 

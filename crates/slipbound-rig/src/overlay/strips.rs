@@ -83,7 +83,7 @@ pub(super) fn caption(panel: &mut Canvas, text: &str) {
     panel.text((10, 8), Text::Small, PAPER, text);
 }
 
-/// Stands where the panels are when the frame has no picture that could be rectified.
+/// Replaces the panels when the frame has no image that could be rectified.
 pub(super) fn no_picture(canvas: &mut Canvas) {
     let size = canvas.size();
     let text = "no picture of this frame";
@@ -91,7 +91,7 @@ pub(super) fn no_picture(canvas: &mut Canvas) {
     canvas.text((left, size.height as i32 / 2), Text::Large, QUIET, text);
 }
 
-/// Sign and name of everything that is drawn.
+/// Symbol and name of everything that is drawn.
 pub(super) fn legend(canvas: &mut Canvas) {
     let size = canvas.size();
     let middle = size.height as f64 - LEGEND_PX as f64 / 2.0;

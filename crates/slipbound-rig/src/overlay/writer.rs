@@ -1,4 +1,4 @@
-//! Overlay pictures into a folder or a video.
+//! Overlay images into a folder or a video.
 
 use super::drawing::Overlay;
 use crate::avi_writer::{self, AviWriter};
@@ -11,13 +11,13 @@ use std::path::{Path, PathBuf};
 /// JPEG quality of the video: thin coloured lines stay clean.
 const JPEG_QUALITY: u8 = 92;
 
-/// A picture that cannot be written.
+/// An image that cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The video cannot be written.
     #[error(transparent)]
     Avi(#[from] avi_writer::Error),
-    /// A folder or picture cannot be written.
+    /// A folder or image cannot be written.
     #[error("{}: cannot write: {source}", path.display())]
     Write {
         /// The folder or file.
@@ -25,7 +25,7 @@ pub enum Error {
         /// The operating system's reason.
         source: io::Error,
     },
-    /// An encoder refused the picture.
+    /// An encoder refused the image.
     #[error("{}: cannot encode frame {seq}: {why}", path.display())]
     Encode {
         /// The file.
@@ -37,7 +37,7 @@ pub enum Error {
     },
 }
 
-/// Writes one picture a frame: `000057.png` in a folder, or a Motion-JPEG AVI.
+/// Writes one image a frame: `000057.png` in a folder, or a Motion-JPEG AVI.
 #[derive(Debug)]
 pub struct OverlayWriter {
     path: PathBuf,
@@ -46,7 +46,7 @@ pub struct OverlayWriter {
 }
 
 impl OverlayWriter {
-    /// `to`: a name that ends in `.avi`, or a folder, made if it is not there. `rate_hz`: at which a video is played.
+    /// `to`: a name that ends in `.avi`, or a folder, which is created if missing. `rate_hz`: playback rate of a video.
     pub fn create(to: &Path, overlay: &Overlay, rate_hz: u32) -> Result<Self, Error> {
         let is_video = to.extension().is_some_and(|e| e.eq_ignore_ascii_case("avi"));
         let video = match is_video {
@@ -61,7 +61,7 @@ impl OverlayWriter {
         Ok(OverlayWriter { path: to.to_owned(), video, jpeg: Vec::new() })
     }
 
-    /// Writes the picture drawn last as that of frame `seq`.
+    /// Writes the image drawn last for frame `seq`.
     pub fn push(&mut self, overlay: &Overlay, seq: u64) -> Result<(), Error> {
         let (rgb, size) = (overlay.rgb(), overlay.size());
         let Some(video) = &mut self.video else {
@@ -85,7 +85,7 @@ impl OverlayWriter {
     }
 }
 
-/// Removes the pictures of an earlier overlay, which a shorter one would leave behind as if they were its own.
+/// Removes the images of an earlier overlay; a shorter new one would otherwise leave some of them.
 fn remove_older(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
@@ -96,13 +96,13 @@ fn remove_older(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Whether a file is named as a picture of an overlay is: `000057.png`.
+/// Whether a file is named like an overlay image: `000057.png`.
 pub fn is_numbered(path: &Path) -> bool {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     path.extension().is_some_and(|e| e == "png") && stem.len() >= 6 && stem.bytes().all(|byte| byte.is_ascii_digit())
 }
 
-/// Writes a PNG; `seq` is told when it cannot be encoded.
+/// Writes a PNG; the error names `seq` when it cannot be encoded.
 pub(crate) fn write_png(path: &Path, rgb: &[u8], width: u32, height: u32, seq: u64) -> Result<(), Error> {
     let failed = |source| Error::Write { path: path.to_owned(), source };
     let mut encoder = png::Encoder::new(BufWriter::new(File::create(path).map_err(failed)?), width, height);

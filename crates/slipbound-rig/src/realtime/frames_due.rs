@@ -28,7 +28,7 @@ impl Camera {
         }
     }
 
-    /// Whether its next frame is late by so much.
+    /// Whether its next frame is late by this much.
     fn is_late(&self, now_ns: u64, by_ns: u64) -> bool {
         self.came_ns.is_none_or(|came_ns| now_ns.saturating_sub(came_ns) >= self.between_ns.saturating_add(by_ns))
     }
@@ -46,8 +46,8 @@ impl Camera {
 ///   cycle   ^        ^        ^
 /// ```
 ///
-/// A camera that blocks delays one cycle by that time, and no further one. When all that lead are late by that time, a frame of any other
-/// is enough.
+/// A camera that blocks delays one cycle by that time, and no further one. When all that lead are late by that time, a
+/// frame of any other camera is enough.
 pub struct FramesDue {
     cameras: Vec<Camera>,
     longest_ns: u64,
@@ -64,7 +64,7 @@ impl FramesDue {
 
     /// Whether a cycle is due. True once per cycle.
     pub fn is_due(&mut self, now_ns: u64) -> bool {
-        // Every camera is asked, for those without a frame wake this thread when they have one.
+        // Every camera is polled, because those without a frame then wake this thread when they have one.
         self.cameras.iter_mut().for_each(|camera| camera.look(now_ns));
         let since_ns = self.cameras.iter().filter(|camera| camera.leads).filter_map(|camera| camera.since_ns).min();
         let is_due = match since_ns {
@@ -85,7 +85,7 @@ impl FramesDue {
 
     /// Which cameras the next cycle is to wait for.
     fn begin(&mut self, since_ns: Option<u64>, now_ns: u64) {
-        // Of a camera whose frame came soon after those of the last cycle, that cycle should have waited for it.
+        // If the frame of a camera came soon after those of the last cycle, that cycle should have waited for it.
         let waited_from_ns = self.waited_from_ns.replace(since_ns.unwrap_or(now_ns));
         let soon_ns = waited_from_ns.map(|from_ns| from_ns.saturating_add(self.longest_ns));
         let is_without_lead = since_ns.is_none();
@@ -165,8 +165,8 @@ mod tests {
         assert!(due.is_due(600), "and is not waited for any more");
     }
 
-    /// Two cameras that run freely, the second so long after the first; how many of the cycles of their last 100 frames had frames of
-    /// both, of one, and the longest wait of a frame, ms.
+    /// Two free-running cameras, the second this long after the first; returns how many of the cycles of their last 100
+    /// frames had frames of both, of one, and the longest wait of a frame, ms.
     fn cycles(periods_ms: [u64; 2], after_ms: u64, longest_ms: u64) -> (u32, u32, u64) {
         let (mut gives, mut newest) = (Vec::new(), Vec::new());
         for (give, camera) in [camera(), camera()] {
@@ -206,7 +206,7 @@ mod tests {
         (both, one, longest_wait_ms)
     }
 
-    /// Whatever lies between them, frames of two cameras of one rate are judged together.
+    /// Frames of two cameras with one rate are judged together, whatever their offset.
     #[test]
     fn cameras_of_one_rate_are_judged_together_at_every_offset() {
         for period_ms in [11, 33, 50, 66, 100] {

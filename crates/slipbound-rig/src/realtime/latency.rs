@@ -35,7 +35,7 @@ const NUDGE_N: f64 = 0.5;
 /// Longest wait for the gripper to hold, frames.
 const LONGEST_GRASP_COUNT: u32 = 3000;
 
-/// For how long whatever blocks is blocked.
+/// How long a blocked part stays blocked.
 const BLOCKED: Duration = Duration::from_secs(5);
 
 /// Cycles that may wait for a disk or a terminal.
@@ -47,10 +47,10 @@ const LONGEST_WAIT_NS: u64 = 5_000_000;
 /// Two forces closer than this are the same, N.
 const SAME_N: f64 = 1e-3;
 
-/// What a hold without an end is given for its time, ns.
+/// The duration given to an endless hold, ns.
 const WITHOUT_END_NS: u64 = 1_000_000_000_000_000;
 
-/// What blocks while it is measured.
+/// The part that blocks while it is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Blocks {
     /// Nothing does.
@@ -66,7 +66,7 @@ pub enum Blocks {
 /// A finger and its frames.
 #[derive(Debug, Clone)]
 pub struct FingerFrames {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// How it sits in the hand.
     pub mounting: Mounting,
@@ -125,7 +125,7 @@ pub enum LatencyError {
 }
 
 impl Latency {
-    /// The time that this share of the cycles stayed within, ms; 1 is the worst.
+    /// The time within which this share of the cycles stayed, ms; 1 is the worst.
     pub fn quantile_ms(&self, fraction: f64) -> f64 {
         let at = (self.took_ns.len().saturating_sub(1) as f64 * fraction).round() as usize;
         self.took_ns.get(at).copied().unwrap_or(0) as f64 * 1e-6
@@ -190,7 +190,7 @@ impl LatencyTrial {
         }
     }
 
-    /// A control loop over the frames, which holds without an end.
+    /// A control loop over the frames, which holds endlessly.
     fn control(&self, hand: &HandFrames) -> Result<(ControlLoop, Cameras), SettingError> {
         let mut settings = TaskSettings::default();
         (settings.lift.lift_mm, settings.lift.hold_ns) = (0.0, WITHOUT_END_NS);
@@ -223,7 +223,7 @@ impl LatencyTrial {
     }
 }
 
-/// What makes the cameras expose, and what says that their frames are there.
+/// The triggers of the cameras, and the arrivals of their frames.
 struct Cameras {
     ticks: Vec<SyncSender<()>>,
     due: FramesDue,
@@ -234,7 +234,7 @@ struct FrameLoop {
     exposes: Receiver<()>,
     frames: Arc<Vec<FrameBuffer>>,
     next: usize,
-    /// From here it starts again; what goes before is the open hand.
+    /// The frames repeat from here; those before are of the open hand.
     repeat_from: usize,
     is_jpeg: bool,
     /// From this frame on, every frame takes seconds.
@@ -295,7 +295,7 @@ impl CycleObserver for BlockedObserver {
     }
 }
 
-/// Shows every cycle to every queue.
+/// Passes every cycle to every queue.
 struct AllOf(Vec<QueuedObserver<BlockedObserver>>);
 
 impl CycleObserver for AllOf {

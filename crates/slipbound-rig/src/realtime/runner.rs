@@ -7,14 +7,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-/// Time between two looks at the links while no frame is due.
+/// Polling period of the links while no frame is due.
 const PAUSE: Duration = Duration::from_millis(1);
 
-/// Longest time between two cycles, ns: a camera that is silent is noticed, and the wrist told, before its last motion
-/// has run out.
+/// Longest time between two cycles, ns: a silent camera is noticed, and the wrist commanded, before its last motion has
+/// expired.
 const LONGEST_CYCLE_NS: u64 = 100_000_000;
 
-/// Time in which the last commands get away, ns.
+/// Time for the last commands to be sent, ns.
 const LAST_COMMANDS_NS: u64 = 150_000_000;
 
 /// Runs cycles until the task has ended, a source has, or `stop` is set, which is [`ControlError::Interrupted`].
@@ -32,7 +32,7 @@ pub fn run(
 }
 
 /// The same with a cycle at least every `longest_cycle_ns`, for recordings that are played more slowly than a camera
-/// would: a wrist's motion then runs out between two frames.
+/// would: a wrist's motion then expires between two frames.
 pub fn run_at_least_every(
     longest_cycle_ns: u64,
     control: &mut ControlLoop,

@@ -1,4 +1,4 @@
-//! The monitors of a hand's fingers side by side.
+//! The monitors of a hand's fingers in parallel.
 
 use slipbound::control::ControlError;
 use slipbound::finger_pipeline::{FingerPipeline, MonitorJob, MonitorRunner};
@@ -65,13 +65,13 @@ impl MonitorWorker {
         MonitorWorker { to, from, is_lent: false }
     }
 
-    /// False when the thread has broken down.
+    /// False when the thread has failed.
     fn begin(&mut self, job: MonitorJob) -> bool {
         self.is_lent = self.to.send(job).is_ok();
         self.is_lent
     }
 
-    /// What was lent, once it is judged; None when nothing was lent, an error when the thread has broken down.
+    /// The lent job, once it is judged; None when nothing was lent, an error when the thread has failed.
     fn end(&mut self) -> Option<Result<MonitorJob, ()>> {
         std::mem::take(&mut self.is_lent).then(|| self.from.recv().map_err(drop))
     }

@@ -9,10 +9,10 @@ use slipbound::monitor::SlipState;
 use slipbound::port::GripCommand;
 use slipbound::task::{Ending, Phase};
 
-/// A change of the commanded force from one cycle to the next that counts as a step, N. What changes slower is on the
-/// way to something, and is seen in the plot.
+/// A change of the commanded force from one cycle to the next that counts as a step, N. Slower changes are visible in
+/// the plot.
 const STEP_N: f64 = 0.5;
-/// A component of the direction that is named, of a vector of length 1: within 60 deg of it.
+/// Least component of a unit direction that is named: within 60 deg of it.
 const NAMED: f64 = 0.5;
 
 /// An event with its time: a line of `events.jsonl`.
@@ -44,7 +44,7 @@ pub enum Event {
         fingers_count: u32,
         /// Whether the whole contact slides.
         gross: bool,
-        /// Force at which it slipped, N per finger: measured, else what the gripper was told before; None when neither is a
+        /// Force at which it slipped, N per finger: measured, else the force commanded before; None when neither is a
         /// number.
         force_n: Option<f64>,
     },
@@ -69,7 +69,7 @@ pub enum Event {
         /// What it is now.
         health: Health,
     },
-    /// A picture was saved.
+    /// An image was saved.
     Picture {
         /// The slip it belongs to, 0 before any.
         slip: u32,
@@ -112,7 +112,7 @@ impl EventLog {
         self.last.map_or(0, |last| last.slips_count)
     }
 
-    /// What this cycle brings, in the order in which it is to be read.
+    /// The events of this cycle, in reading order.
     pub fn see(&mut self, cycle: &Cycle) -> Vec<Event> {
         let mut events = self.fingers_changed(cycle);
         self.slips(cycle, &mut events);
@@ -135,7 +135,7 @@ impl EventLog {
         events
     }
 
-    /// Ends a slip that still runs when the loop is over.
+    /// Ends a slip still in progress when the loop ends.
     pub fn end(&mut self) -> Option<Event> {
         let slip = self.slips.end()?;
         Some(ends(&slip, self.slips_count()))
@@ -144,7 +144,7 @@ impl EventLog {
     fn fingers_changed(&self, cycle: &Cycle) -> Vec<Event> {
         let fingers = self.fingers.iter().enumerate().zip(&cycle.hand.health);
         let changed = fingers.filter(|((i, _), now)| {
-            // A finger is taken to be live until it is not: the first cycle says nothing of those that are.
+            // A finger counts as live at first: the first cycle reports only those that are not.
             let before = self.last.as_ref().map_or(Health::Live, |last| last.hand.health[*i]);
             before != **now
         });
@@ -156,7 +156,7 @@ impl EventLog {
         // The number is the loop's own: a queue may have lost cycles before this one.
         events.extend(change.ended.map(|slip| ends(&slip, self.slips_count())));
         if change.began.is_some() {
-            // What this cycle commands is the answer to the slip.
+            // This cycle's command is the response to the slip.
             let force_n = cycle.gripper.pressed_n().or(cycle.grip_command.force_n());
             events.push(Event::SlipBegins {
                 slip: cycle.slips_count,

@@ -22,19 +22,19 @@ pub fn free_folder(name: &str) -> PathBuf {
     names.map(PathBuf::from).find(|folder| !folder.exists()).unwrap_or_else(|| name.into())
 }
 
-/// Refuses a folder in which no run can begin, because it holds something; makes none.
+/// Refuses a folder that is not empty, in which no run can begin; creates none.
 pub fn refuse_used_folder(folder: &Path) -> Result<(), Error> {
     match fs::read_dir(folder).ok().and_then(|mut entries| entries.next()) {
         Some(Ok(entry)) => {
             let found = entry.file_name().to_string_lossy().into_owned();
             Err(Error::NotEmpty { folder: folder.to_owned(), found })
         }
-        // What is wrong with it otherwise is told when it is made.
+        // Any other problem is reported when it is created.
         Some(Err(_)) | None => Ok(()),
     }
 }
 
-/// Makes a folder that is not there; one that holds something is refused.
+/// Creates a missing folder; refuses one that is not empty.
 pub(crate) fn prepare_folder(folder: &Path) -> Result<(), Error> {
     let failed = |source| Error::Write { path: folder.to_owned(), source };
     fs::create_dir_all(folder).map_err(failed)?;
@@ -57,7 +57,7 @@ pub struct RunFolder {
     log: EventLog,
     /// For the page.
     shown: Shown,
-    /// Names of the pictures of the last slip, without their ends.
+    /// Names of the images of the last slip, without their extensions.
     stems: Vec<String>,
 }
 
@@ -101,14 +101,14 @@ impl RunFolder {
         Ok(())
     }
 
-    /// How many slips have begun. When a call of [`RunFolder::cycle`] raises it, that is the moment for a
-    /// [`RunFolder::picture`] of every finger.
+    /// Number of slips that have begun. When a call of [`RunFolder::cycle`] raises it, call [`RunFolder::picture`] for
+    /// every finger.
     pub fn slips_count(&self) -> u32 {
         self.log.slips_count()
     }
 
-    /// Keeps what a finger saw at the slip that began last: as `slip_003_left.png`, and smaller in the page. Before any
-    /// slip its number is 0.
+    /// Saves the image of a finger at the latest slip: as `slip_003_left.png`, and smaller in the page. Before any slip
+    /// its number is 0.
     pub fn picture(&mut self, time_ns: u64, finger: &str, caption: &str, rgb: Rgb<'_>) -> Result<(), Error> {
         refuse_finger_name(&self.folder, finger)?;
         let slip = self.slips_count();
@@ -177,7 +177,7 @@ pub(super) fn refuse_finger_name(folder: &Path, name: &str) -> Result<(), Error>
 /// Writes a file, or leaves none.
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     fs::write(path, bytes).map_err(|source| {
-        let _ = fs::remove_file(path); // where this fails too, the first failure is told
+        let _ = fs::remove_file(path); // if this fails too, the first failure is reported
         Error::Write { path: path.to_owned(), source }
     })
 }
@@ -187,8 +187,8 @@ fn write_toml(path: PathBuf, text: Result<String, toml::ser::Error>) -> Result<(
     fs::write(&path, text).map_err(|source| Error::Write { path, source })
 }
 
-/// Reads a run again: `run.toml`, and every cycle bit for bit. A last line that broke off while it was written is no
-/// cycle; any other that cannot be read is an error.
+/// Reads a run: `run.toml`, and every cycle bit for bit. An incomplete last line is ignored; any other unreadable line
+/// is an error.
 pub fn read(folder: &Path) -> Result<(toml::Table, Vec<Cycle>), Error> {
     let text = |path: &Path| fs::read_to_string(path).map_err(|source| Error::Read { path: path.to_owned(), source });
     let path = folder.join("run.toml");
@@ -228,7 +228,7 @@ impl Lines {
         }
     }
 
-    /// One write a line, so nothing is lost when the loop breaks off.
+    /// One write per line, so that nothing is lost when the loop is interrupted.
     pub(super) fn push(&mut self, line: &str) -> Result<(), Error> {
         writeln!(self.to, "{line}").map_err(|source| Error::Write { path: self.path.clone(), source })
     }

@@ -1,4 +1,4 @@
-//! Every frame of a closed loop, kept and given back.
+//! Stores every frame of a closed loop and reads it back.
 //!
 //! ```text
 //!   run/frames.jsonl      a line per cycle: what each finger's source gave
@@ -39,7 +39,7 @@ enum Received {
 struct Line {
     /// What every finger received.
     fingers: Vec<Received>,
-    /// Whether gripper or wrist could not be asked, so that nothing was commanded.
+    /// Whether gripper or wrist could not be polled, so that nothing was commanded.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     waiting: bool,
 }
@@ -57,7 +57,7 @@ impl FrameRecorder {
         Ok(FrameRecorder { folder: folder.to_owned(), lines: Lines::create(folder.join("frames.jsonl"))? })
     }
 
-    /// Keeps what every finger received in a cycle. A cycle in which a source ended is none.
+    /// Keeps what every finger received in a cycle. A cycle in which a source ended does not count.
     pub fn keep(&mut self, view: &CycleView<'_>) -> Result<(), Error> {
         let Some(line) = line(view) else { return Ok(()) };
         for finger in view.fingers.iter().filter(|finger| *finger.next == Next::Frame) {
@@ -102,7 +102,7 @@ fn received(finger: &FingerView<'_>) -> Received {
     }
 }
 
-/// A frame that a line of `frames.jsonl` tells of.
+/// A frame listed in a line of `frames.jsonl`.
 pub(crate) struct ListedFrame {
     pub seq: u64,
     pub time_ns: Option<u64>,
@@ -110,7 +110,7 @@ pub(crate) struct ListedFrame {
     pub file: Option<String>,
 }
 
-/// What a line of `frames.jsonl` tells of every finger; None for a finger that was silent.
+/// The frame of every finger in a line of `frames.jsonl`; None for a finger that was silent.
 pub(crate) fn listed(line: &str) -> serde_json::Result<Vec<Option<ListedFrame>>> {
     let line: Line = serde_json::from_str(line)?;
     let listed = |received| match received {
@@ -128,8 +128,8 @@ pub struct RecordedSource {
     cycles: VecDeque<Received>,
 }
 
-/// The frames of every finger of a run, and cycle by cycle, whether nothing was commanded because gripper or wrist
-/// could not be asked.
+/// The frames of every finger of a run, and for each cycle whether nothing was commanded because gripper or wrist could
+/// not be polled.
 pub(super) fn read(folder: &Path, fingers_count: usize) -> Result<(Vec<RecordedSource>, VecDeque<bool>), Error> {
     let path = folder.join("frames.jsonl");
     let text = fs::read_to_string(&path).map_err(|e| Error::Syntax {

@@ -47,7 +47,7 @@ pub struct FingerInfo {
 }
 
 impl FingerInfo {
-    /// That of a finger of a loop.
+    /// The description of a loop's finger.
     pub fn of(finger: &FingerPipeline) -> Self {
         let (name, mounting, sensor) = (finger.name().into(), finger.mounting(), finger.sensor().clone());
         FingerInfo { name, mounting, sensor, rest: None }
@@ -58,8 +58,8 @@ impl FingerInfo {
         format!("{}.sensor.toml", self.name)
     }
 
-    /// The name of the file with it at rest, and its bytes; None where that is found among the first frames. Fails for a number that JSON
-    /// does not have.
+    /// Name and bytes of its rest file; None where the rest frame is found among the first frames. Fails for a number
+    /// that JSON cannot represent.
     pub fn rest_file(&self) -> serde_json::Result<Option<(String, Vec<u8>)>> {
         let bytes = self.rest.as_ref().map(|rest| rest.to_bytes()).transpose()?;
         Ok(bytes.map(|bytes| (self.rest_name(), bytes)))
@@ -76,14 +76,14 @@ impl RunInfo {
         self.fingers.iter().map(|finger| finger.name.clone()).collect()
     }
 
-    /// The text of `run.toml`. Fails for a number that TOML does not have.
+    /// The text of `run.toml`. Fails for a number that TOML cannot represent.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         self.table().and_then(|table| toml::to_string(&table))
     }
 
-    /// As `run.toml` has it. Fails for a number that TOML does not have.
+    /// The table of `run.toml`. Fails for a number that TOML cannot represent.
     pub(super) fn table(&self) -> Result<toml::Table, toml::ser::Error> {
-        // TOML's whole numbers have a sign: a seed beyond them is written as text.
+        // TOML's integers are signed: a larger seed is written as text.
         let seed = i64::try_from(self.seed).map_or_else(|_| self.seed.to_string().into(), toml::Value::Integer);
         let mut settings = self.notes.clone();
         settings.insert("task".into(), toml::Table::try_from(self.task_settings)?.into());

@@ -1,7 +1,7 @@
 //! A cycle as a line of JSON and back, exact to the last bit.
 //!
-//! JSON has no word for infinity or for what is not a number: `serde_json` writes null. A line with such a number
-//! gets one key more, `not_finite`, that says where they stand, so that a replay sees what the loop saw.
+//! JSON cannot represent infinity or NaN: `serde_json` writes null. A line with such numbers gets one more key,
+//! `not_finite`, with their places, so that a replay sees what the loop saw.
 
 use serde::{Deserialize, Serialize};
 use slipbound::control::Cycle;
@@ -20,7 +20,8 @@ struct Line<'a> {
 }
 
 pub(crate) fn write(cycle: &Cycle) -> Result<String, String> {
-    // TOML's values can be any number with a fraction, which makes them the tree to search; whole ones end at half of what a frame's may be.
+    // TOML values can be any floating-point number, so this tree is searched; their integers end at half the range of a
+    // frame's.
     let tree = Value::try_from(small(*cycle)).map_err(|e| e.to_string())?;
     let mut not_finite = NotFinite::new();
     find(&tree, &mut String::new(), &mut not_finite);
@@ -47,7 +48,7 @@ pub(super) fn read(line: &str) -> Result<Cycle, String> {
     Ok(cycle)
 }
 
-/// Number and time of a frame, which a camera may choose as it likes.
+/// Number and time of a frame, which a camera may choose freely.
 #[derive(Deserialize)]
 struct WholeNumbers {
     seq: u64,
@@ -80,7 +81,7 @@ fn find(value: &Value, path: &mut String, into: &mut NotFinite) {
     }
 }
 
-/// The same tree without nulls, which TOML does not have.
+/// The same tree without nulls, which TOML lacks.
 fn finite_part(json: serde_json::Value) -> Option<Value> {
     Some(match json {
         serde_json::Value::Null => return None,

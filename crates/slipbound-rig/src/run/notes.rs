@@ -10,7 +10,7 @@ use slipbound::port::{Clock, Next};
 pub struct CameraLimits {
     /// A finger without a frame for longer, ns.
     pub max_silence_ns: u64,
-    /// Frames of two fingers in one cycle, the cameras' own stamps of which are further apart, ns.
+    /// Frames of two fingers in one cycle whose camera stamps differ by more, ns.
     pub max_skew_ns: u64,
 }
 
@@ -24,15 +24,16 @@ impl Default for CameraLimits {
 #[derive(Debug, Default)]
 pub struct RunNotes {
     limits: CameraLimits,
-    /// Whether the frames of two fingers were too far apart when they were last looked at.
+    /// Whether the frames of two fingers were too far apart at the last check.
     is_skewed: bool,
-    /// Faults told since all was well.
+    /// Faults reported since the last cycle without a fault.
     faults: Vec<Fault>,
     is_lowering_told: bool,
-    /// Fingers of which it was told that they start in contact, and those whose markers are not those of their sensor file.
+    /// Fingers reported because they start in contact, and those reported because their markers are not those of their
+    /// sensor file.
     in_contact: Vec<String>,
     misfits: Vec<String>,
-    /// When each finger last had a frame, ns, and whether its silence was told.
+    /// When each finger last had a frame, ns, and whether its silence was reported.
     heard: Vec<(u64, bool)>,
 }
 
@@ -42,7 +43,7 @@ impl RunNotes {
         RunNotes { limits, ..RunNotes::default() }
     }
 
-    /// The lines of a cycle, in the order in which they are to be read; mostly none.
+    /// The lines of a cycle, in reading order; mostly none.
     pub fn see(&mut self, view: &CycleView<'_>) -> Vec<String> {
         let mut lines: Vec<String> = view.driver_events.iter().map(|event| format!("gripper: {event}")).collect();
         match view.fault {
@@ -88,7 +89,7 @@ impl RunNotes {
                 lines.push(format!("{}: no frame can be judged: {reason}", finger.name));
             }
             let starts_in_contact = finger.rest_kind == Some(RestKind::InContact);
-            // Where markers do not stand as they should, that is not known either.
+            // If the markers do not match, that is not known either.
             if starts_in_contact && !is_told(&self.in_contact) && !is_told(&self.misfits) {
                 self.in_contact.push(finger.name.to_owned());
                 lines.push(format!(
@@ -100,7 +101,7 @@ impl RunNotes {
         lines
     }
 
-    /// How far the stamps of two fingers' frames are apart, when that goes beyond the limit or comes back.
+    /// How far the stamps of two fingers' frames are apart, when that exceeds the limit or no longer does.
     fn skew(&mut self, view: &CycleView<'_>) -> Option<String> {
         let stamp_ns = |finger: &FingerView<'_>| {
             let is_own = finger.frame.clock == Clock::Device && *finger.next == Next::Frame;
@@ -116,7 +117,7 @@ impl RunNotes {
         let both = format!("{} and {}", left.name, right.name);
         Some(match is_skewed {
             false => format!("{both}: frames are {:.1} ms apart again", ms(skew_ns)),
-            // Stamps an hour apart are of two clocks that nobody set.
+            // Such stamps are from two unsynchronised clocks.
             true if skew_ns > OTHER_CLOCK_NS => {
                 format!("{both}: the cameras' clocks are {:.1} s apart", ms(skew_ns) * 1e-3)
             }
@@ -128,7 +129,7 @@ impl RunNotes {
     }
 }
 
-/// Stamps further apart are of clocks that do not agree, ns.
+/// Stamps further apart are from unsynchronised clocks, ns.
 const OTHER_CLOCK_NS: u64 = 1_000_000_000;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The page that shows a run: one file, no other needed, no script.
+//! The page that shows a run: one self-contained file without script.
 //!
 //! ```text
 //!   title, how it ended and why
@@ -29,15 +29,15 @@ use slipbound::task::Ending;
 use std::fmt;
 use text::{in_words, seconds};
 
-/// Pictures put into the page; later ones are only in the folder. 60 of them are some 6 MB.
+/// Images put into the page; later ones are only in the folder. 60 of them are some 6 MB.
 pub(super) const PICTURES_MOST: usize = 60;
 
-/// What the arrows of the pictures mean.
+/// Legend of the arrows in the images.
 const KEY: &str = "<p class=\"key\">Arrows on the left: <span class=\"measured\">yellow</span> measured, \
                    <span class=\"rigid\">red</span> as a rigid body would move. On the right: black the difference, \
                    <span class=\"slipping\">purple</span> the markers that slip.</p>";
 
-/// What a finger saw at a slip.
+/// The image of a finger at a slip.
 #[derive(Debug)]
 pub(super) struct Picture {
     pub slip: u32,
@@ -50,14 +50,15 @@ pub(super) struct Picture {
 /// Everything the page shows.
 pub(super) struct Page<'a> {
     pub info: &'a RunInfo,
-    /// The first and the last cycle, and of those between them as many as are drawn, with the largest force.
+    /// The first and the last cycle, and between them as many as are drawn, those with the largest force.
     pub cycles: &'a [Cycle],
-    /// The largest slip of a marker since the reference, in marker pitches, of every cycle; what no picture says is None.
+    /// The largest slip of a marker since the reference, in marker pitches, for every cycle; None where no image shows
+    /// it.
     pub slips_pitch: &'a [Option<f64>],
     /// When the task ended, ns.
     pub ended_ns: Option<u64>,
     pub events: &'a [TimedEvent],
-    /// After so many events so many are left out.
+    /// After this many events, this many are left out.
     pub left_out: (usize, u64),
     pub slips_count: u32,
     /// The first ones.
@@ -80,7 +81,7 @@ impl fmt::Display for Page<'_> {
     }
 }
 
-/// What stands before the first words of a page; `</main>`, `</body>` and `</html>` are to follow.
+/// The start of a page up to its first words; `</main>`, `</body>` and `</html>` are to follow.
 fn head_of_page(f: &mut fmt::Formatter<'_>, title: &str) -> fmt::Result {
     writeln!(f, "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>")?;
     writeln!(f, "<meta name=\"generator\" content=\"slipbound\"/>")?;
@@ -98,7 +99,7 @@ impl Page<'_> {
             Some(ending) => (ending_name(ending), ending.evidence()),
             None => ("Broken off".to_owned(), "the loop stopped before the task was over"),
         };
-        // A task can end as it should with a target missed on the way.
+        // A task can end successfully although a target was missed.
         let missed = self.results.iter().filter(|row| row.ok == Some(false)).map(|row| row.name.as_str());
         let missed: Vec<&str> = missed.collect();
         let is_good = missed.is_empty() && self.ending.is_some_and(Ending::is_success);
@@ -111,7 +112,7 @@ impl Page<'_> {
         let commanded_n = self.cycles.iter().filter_map(|c| c.grip_command.force_n());
         let most_n = commanded_n.filter(|n| n.is_finite()).fold(0.0, f64::max);
         let last = self.cycles.last();
-        // On the clock that slips, plots and events have, too.
+        // On the same clock as slips, plots and events.
         let facts = [
             (
                 seconds(self.ended_ns.or(last.map(|c| c.time_ns)).unwrap_or(0)),

@@ -11,15 +11,16 @@ use slipbound::image::Rgb;
 use slipbound::task::Ending;
 use std::path::{Path, PathBuf};
 
-/// Records every cycle, its events, a picture of each finger at each slip, and every frame if requested. A failure to
+/// Records every cycle, its events, an image of each finger at each slip, and every frame if requested. A failure to
 /// write does not stop the loop: it is counted and reported at the end.
 pub struct RunRecorder {
     folder: RunFolder,
     overlays: Vec<Overlay>,
     frames: Option<FrameRecorder>,
-    /// Whether something was not written: no later frame is kept then, for a replay goes cycle by cycle, up to the gap.
+    /// Whether something was not written: later frames are not kept then, because a replay goes cycle by cycle up to
+    /// the gap.
     has_gap: bool,
-    /// Cycles that were lost on the way here since the last one that was not.
+    /// Cycles lost before they got here, since the last one that arrived.
     lost_count: u64,
     notes: RunNotes,
     failed_count: u64,
@@ -55,13 +56,14 @@ impl RunRecorder {
         self.count(written);
     }
 
-    /// Cycles that come before the next one were lost on the way here: frames are kept up to this gap, and the events tell of it.
+    /// `count` cycles before the next one were lost before they got here: frames are kept up to this gap, and the
+    /// events report the loss.
     pub fn lost_cycles(&mut self, count: u64) {
         self.has_gap = true;
         self.lost_count += count;
     }
 
-    /// Lines and pictures that could not be written, and the first reason.
+    /// Lines and images that could not be written, and the first reason.
     pub fn failures(&self) -> (u64, Option<&Error>) {
         (self.failed_count, self.first_failure.as_ref())
     }
@@ -95,7 +97,7 @@ impl RunRecorder {
             let (Some(monitor), Some(report)) = (finger.monitor, finger.report) else { continue };
             overlay.draw(finger.frame.frame().ok().as_ref(), report, monitor);
             let rgb = overlay.rgb();
-            // The picture has the size that the overlay says.
+            // The image size is that of the overlay.
             let Ok(picture) = Rgb::new(&rgb, overlay.size()) else { continue };
             self.folder.picture(cycle.time_ns, finger.name, &force, picture)?;
         }
@@ -103,7 +105,7 @@ impl RunRecorder {
     }
 }
 
-/// What the events say of cycles that were lost.
+/// The event text for lost cycles.
 pub(crate) fn lost_text(count: u64) -> String {
     let cycles = if count == 1 { "cycle" } else { "cycles" };
     format!("{count} {cycles} before this were not written: the disk did not keep up")

@@ -33,7 +33,7 @@ pub enum ReplayError {
     /// A finger's sensor file cannot be used.
     #[error(transparent)]
     Sensor(#[from] config::Error),
-    /// A finger's file of it at rest cannot be used.
+    /// A finger's rest file cannot be used.
     #[error(transparent)]
     Rest(#[from] RestFileError),
     /// The settings cannot be used.
@@ -47,7 +47,7 @@ pub enum ReplayError {
         "frames.jsonl: ends before cycle {cycle} of {cycles_count} in reports.jsonl; the {cycle} before it are the same"
     )]
     FramesEnd {
-        /// The first cycle without frames, from 0: so many before it are the same.
+        /// The first cycle without frames, from 0; the cycles before it are the same.
         cycle: usize,
         /// All that were recorded.
         cycles_count: usize,
@@ -58,9 +58,9 @@ pub enum ReplayError {
         if *missing_count == 1 { "was" } else { "were" }
     )]
     ReportsEnd {
-        /// Those that are there.
+        /// Cycles that are there.
         cycles_count: usize,
-        /// Those that are not.
+        /// Cycles that are missing.
         missing_count: usize,
     },
     /// There is nothing to compare.
@@ -111,7 +111,7 @@ pub struct Replay {
     waiting: VecDeque<bool>,
 }
 
-/// A gripper and a wrist that say what they said; None: nothing that could be worked with.
+/// A gripper and a wrist that report their recorded states; None: they had a fault.
 struct Past<'a>(Option<&'a Cycle>);
 
 impl Gripper for Past<'_> {
@@ -169,7 +169,7 @@ impl Replay {
         }
         let stiffness_mpa_per_mm = first_sensor.and_then(|sensor| sensor.shear_stiffness_mpa_per_mm());
         let control = ControlLoop::new(pipelines, task_settings.task(task, stiffness_mpa_per_mm)?)?;
-        // The open hand was recorded without the gripper's states.
+        // Gripper states were not recorded while the hand was open.
         let control = control.with_idle_force(cycles.first().map_or(0.0, |cycle| cycle.idle_force_n));
         Ok(Replay { control, cycles, waiting })
     }
@@ -197,7 +197,7 @@ impl Replay {
                 }
             }
         }
-        // Whatever follows the last command was waited for.
+        // The cycles after the last command waited for a gripper or wrist.
         match self.waiting.iter().filter(|is_waiting| !**is_waiting).count() {
             0 => Ok(Replayed { cycles_count: next }),
             missing_count => Err(ReplayError::ReportsEnd { cycles_count: next, missing_count }),

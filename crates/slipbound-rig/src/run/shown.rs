@@ -1,4 +1,4 @@
-//! What the page of a run shows, kept while the run goes on: as much for a day as for five minutes.
+//! The content of a run's page, kept during the run: as much for a day as for five minutes.
 //!
 //! ```text
 //!   cycles    every one | every second, once they are too many | every fourth ..   of those between, the one of the largest force
@@ -13,7 +13,7 @@ use slipbound::control::Cycle;
 use slipbound::task::Phase;
 use std::collections::VecDeque;
 
-/// Cycles that are kept; a plot is 1600 points wide at most. At 30 Hz every cycle of four and a half minutes.
+/// Cycles that are kept; a plot has at most 1600 points. At 30 Hz every cycle of four and a half minutes.
 const CYCLES_MOST: usize = 8192;
 /// Events that are kept from the beginning, and as many from the end.
 const EVENTS_MOST: usize = 1000;
@@ -27,9 +27,9 @@ pub(super) struct Shown {
     cycles: Thinned<Point>,
     first_events: Vec<TimedEvent>,
     last_events: VecDeque<TimedEvent>,
-    /// Events between the two, which are in their file alone.
+    /// Events between the two, which are only in their file.
     left_out_count: u64,
-    /// The first pictures.
+    /// The first images.
     pub pictures: Vec<Picture>,
     /// When the task ended, ns.
     pub ended_ns: Option<u64>,
@@ -61,7 +61,7 @@ impl Shown {
         self.cycles.last.map_or(0, |(_, (cycle, _))| cycle.time_ns)
     }
 
-    /// Takes an event. Pictures and results are on the page without it.
+    /// Takes an event. Images and results are on the page without it.
     pub fn event(&mut self, event: TimedEvent) {
         if matches!(event.event, Event::Result(_) | Event::Picture { .. }) {
             return;
@@ -76,7 +76,7 @@ impl Shown {
         self.last_events.push_back(event);
     }
 
-    /// Takes a picture, if the page has room for it.
+    /// Takes an image, if the page has room for it.
     pub fn picture(&mut self, picture: Picture) {
         if self.pictures.len() < PICTURES_MOST {
             self.pictures.push(picture);
@@ -95,7 +95,7 @@ impl Shown {
     }
 }
 
-/// Of two the one of the larger force, with the larger slip of both: no peak is lost.
+/// The point with the larger force, with the larger slip of both: no peak is lost.
 fn stronger(a: Point, b: Point) -> (Point, bool) {
     let force_n = |(cycle, _): &Point| cycle.grip_command.force_n().filter(|n| n.is_finite()).unwrap_or(0.0);
     let is_second = force_n(&b) > force_n(&a);

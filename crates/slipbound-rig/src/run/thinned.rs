@@ -1,6 +1,6 @@
-//! A series that goes on for ever, in a limited place: every value while they are few, then one of two, one of four ..
+//! An endless series in bounded memory: every value while they are few, then one of two, one of four ..
 
-/// Of two neighbours the one that stays, and whether it is the second.
+/// Chooses which of two neighbours stays, and whether it is the second.
 pub(super) type Choose<T> = fn(T, T) -> (T, bool);
 
 /// The values of a series that are kept, each with its number.
@@ -11,7 +11,7 @@ pub(super) struct Thinned<T> {
     choose: Choose<T>,
     /// How many values each that is kept stands for.
     stride: u64,
-    /// Of the values after those, the one to be kept.
+    /// The one of the later values to be kept.
     next: Option<(u64, T)>,
     count: u64,
     /// The last value.
@@ -19,7 +19,7 @@ pub(super) struct Thinned<T> {
 }
 
 impl<T: Copy> Thinned<T> {
-    /// Fewer than `most_count` are kept, but for two at the end.
+    /// Keeps fewer than `most_count`, except for two at the end.
     pub fn new(most_count: usize, choose: Choose<T>) -> Self {
         Thinned { kept: Vec::new(), most_count, choose, stride: 1, next: None, count: 0, last: None }
     }

@@ -1,11 +1,11 @@
-//! What a run is, how it ended and what it commanded, in words that terminal and page share.
+//! Texts on a run, its end and its commands, shared by terminal and page.
 
 use super::info::RunInfo;
 use slipbound::control::Cycle;
 use slipbound::port::{GripCommand, WristMotion};
 use slipbound::task::{Ending, Phase};
 
-/// Of a scene's settings those that a reader tells runs apart by.
+/// The settings of a scene that distinguish runs for a reader.
 const SHOWN: [&str; 6] = ["object", "mu", "mu_right", "camera", "surroundings", "fault"];
 
 /// What an ending is called: `SlipAtMost` is `Slip at most`.
@@ -21,7 +21,8 @@ pub fn ending_name(ending: Ending) -> String {
 }
 
 impl RunInfo {
-    /// The source in a line: of a scene what a reader tells runs apart by, hardware and recordings as they were named.
+    /// The source in a line: for a scene the settings that distinguish runs; hardware and recordings as they were
+    /// named.
     pub fn source_in_words(&self) -> String {
         source_in_words(&self.source, self.seed)
     }

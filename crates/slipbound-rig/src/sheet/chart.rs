@@ -8,11 +8,11 @@ use kuva::render::plots::Plot;
 use kuva::render::theme::Theme;
 use std::fmt;
 
-/// A chart is drawn for a window and for one as narrow as a telephone, of which the style sheet shows one: class, width and
+/// A chart is drawn for a window and for one as narrow as a phone; the style sheet shows one of them: class, width and
 /// height in px.
 const SIZES: [(&str, f64, f64); 2] = [("wide", 760.0, 420.0), ("narrow", 390.0, 290.0)];
 
-/// Colours of the style sheet; more series than that begin anew.
+/// Colours of the style sheet; further series repeat them.
 const COLOURS_COUNT: usize = 9;
 
 /// A chart.
@@ -83,7 +83,7 @@ impl Series {
 }
 
 impl Chart {
-    /// Writes it; `number` tells it from the others of the page.
+    /// Writes it; `number` distinguishes it from the others of the page.
     pub(super) fn write(&self, f: &mut fmt::Formatter<'_>, number: usize) -> fmt::Result {
         writeln!(f, "<figure class=\"plot chart\">\n<figcaption><b>{}</b>", Escaped(&self.title))?;
         for series in &self.series {

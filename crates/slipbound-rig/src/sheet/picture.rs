@@ -1,9 +1,9 @@
-//! A picture small enough for a page.
+//! An image small enough for a page.
 
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use tiny_skia::{FilterQuality, Pixmap, PixmapPaint, PremultipliedColorU8, Transform};
 
-/// A picture in the page is at most this wide.
+/// An image in the page is at most this wide.
 const PAGE_WIDTH_PX: f32 = 1000.0;
 /// JPEG quality in the page.
 const PAGE_QUALITY: u8 = 80;

@@ -7,9 +7,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// A live source that has been opened.
 pub struct Camera {
-    /// Its frames. [`FrameSource::next`] waits for a tenth of a second at most and is silent then, but longer while it connects anew, for up
-    /// to 5 s over a network: see [`Newest`]. It reconnects by
-    /// itself after it was unplugged or cut off.
+    /// Its frames. [`FrameSource::next`] waits for a tenth of a second at most and then returns silent; while it
+    /// reconnects it can take longer, up to 5 s over a network: see [`Newest`]. It reconnects by itself after it was
+    /// unplugged or cut off.
     pub source: Box<dyn FrameSource + Send>,
     /// The negotiated and locked settings, as names and values; stored in recordings.
     pub facts: Vec<(String, String)>,
@@ -18,7 +18,7 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Its frames on a thread of their own: the newest wins.
+    /// Reads its frames on a thread of its own, which keeps the newest.
     pub fn on_a_thread(self) -> (Newest, Arc<CameraTally>) {
         (Newest::new(self.source), self.tally)
     }
@@ -41,12 +41,12 @@ pub struct CameraCounts {
     pub returns_count: u64,
     /// Whether the frames carry time stamps of the camera or its driver.
     pub has_stamps: bool,
-    /// Whether a time stamp was not later than the one before it: from then on the times of the frames are those of arrival.
+    /// Whether a time stamp was not later than the one before it: from then on frames have their arrival time.
     pub stamps_have_stood_still: bool,
     first_ns: Option<u64>,
     last_ns: Option<u64>,
     longest_ns: u64,
-    /// Sum of the deviations of the intervals from their mean so far, squared, ns2.
+    /// Sum of the squared deviations of the intervals from their mean so far, ns2.
     spread_ns2: f64,
     mean_ns: f64,
     intervals_count: u64,
@@ -84,13 +84,13 @@ impl CameraCounts {
         }
     }
 
-    /// Frames per second that came, over the whole time, Hz; None before the second.
+    /// Frame rate over the whole time, Hz; None before the second frame.
     pub fn rate_hz(&self) -> Option<f64> {
         let passed_ns = self.last_ns?.checked_sub(self.first_ns?).filter(|ns| *ns > 0)?;
         Some((self.frames_count - 1) as f64 * 1e9 / passed_ns as f64)
     }
 
-    /// Standard deviation of the time between two frames, ms; None before the third.
+    /// Standard deviation of the time between two frames, ms; None before the third frame.
     pub fn jitter_ms(&self) -> Option<f64> {
         (self.intervals_count > 1).then(|| (self.spread_ns2 / (self.intervals_count - 1) as f64).sqrt() * 1e-6)
     }
@@ -101,7 +101,7 @@ impl CameraCounts {
     }
 }
 
-/// One line: the true rate, the jitter, and where frames went.
+/// One line: measured rate, jitter, and losses.
 impl fmt::Display for CameraCounts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} frames", self.frames_count)?;

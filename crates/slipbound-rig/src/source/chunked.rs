@@ -1,15 +1,15 @@
-//! `Transfer-Encoding: chunked`, undone as the bytes come in: pure, incremental, keeps nothing but a number.
+//! Decodes `Transfer-Encoding: chunked` as the bytes arrive: pure, incremental, keeps nothing but a number.
 //!
 //! ```text
 //!   1a2b;extension CRLF | 0x1a2b bytes of the stream | CRLF | .. | 0 CRLF  end
 //! ```
 //!
-//! We ask by HTTP/1.0, which knows no chunks, but small cameras (every ESP32) answer so whatever they were asked by.
+//! We request by HTTP/1.0, which has no chunks, but small cameras (every ESP32) send them whatever the request was.
 
 /// Longest line with the length of a chunk, bytes.
 const LONGEST_LINE_BYTES: usize = 1 << 10;
 
-/// What stands where the length of a chunk should. The connection should be opened anew.
+/// An invalid length of a chunk. The connection should be reopened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("expected the length of a chunk of the stream, in hexadecimal digits on a line of its own")]
 pub(super) struct Fault;
@@ -31,7 +31,7 @@ enum State {
 
 const LINE: State = State::Length { bytes: None, is_over: false, line_bytes: 0 };
 
-/// Takes bytes with the lengths of the chunks between them, gives those of the stream.
+/// Takes chunked bytes, returns those of the stream.
 #[derive(Debug)]
 pub(super) struct Chunked(State);
 
@@ -40,7 +40,7 @@ impl Chunked {
         Chunked(LINE)
     }
 
-    /// Hands the stream's bytes among `bytes` over, a run after the other. False once the last chunk has come.
+    /// Passes the stream's bytes within `bytes` to `into`, one run after the other. False once the last chunk has come.
     pub fn unpack(&mut self, mut bytes: &[u8], mut into: impl FnMut(&[u8])) -> Result<bool, Fault> {
         while let Some((&first, later)) = bytes.split_first() {
             match self.0 {
@@ -94,7 +94,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// What comes out of bytes in pieces of this length, and whether more may come.
+    /// The output for bytes in pieces of this length, and whether more may come.
     fn unpacked(bytes: &[u8], piece: usize) -> (Vec<u8>, Result<bool, Fault>) {
         let (mut chunked, mut out, mut goes_on) = (Chunked::new(), Vec::new(), Ok(true));
         for piece in bytes.chunks(piece) {

@@ -1,10 +1,11 @@
-//! Frames that come as pixels alone, encoded: what keeps frames keeps files.
+//! Encodes frames that come as pixels only, because frames are kept as files.
 
 use super::picture;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 
-/// Gives every frame of a source an encoded form: as it came or, of pixels alone, a PNG, which decodes to the same pixels. A frame that
-/// cannot be encoded stays without, and whoever keeps frames says so: no camera fails for its recording.
+/// Gives every frame of a source an encoded form: the original one or, for pixels only, a PNG, which decodes to the
+/// same pixels. A frame that cannot be encoded stays without, and the recorder reports it: recording never makes a
+/// camera fail.
 pub struct Encoded<S>(pub S);
 
 impl<S: FrameSource> FrameSource for Encoded<S> {

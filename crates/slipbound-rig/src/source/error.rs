@@ -18,7 +18,7 @@ pub enum Error {
     Pattern {
         /// The pattern.
         pattern: String,
-        /// Where in it, counted from 0.
+        /// Position in it, counted from 0.
         at: usize,
         /// What is wrong there.
         why: String,
@@ -31,7 +31,7 @@ pub enum Error {
         /// How many files of other kinds were ignored.
         others_count: usize,
     },
-    /// Only pictures of a kind that cannot be read.
+    /// Only images of a kind that cannot be read.
     #[error(
         "{}: expected images (.jpg, .jpeg, .png), got {count} .{kind} {}; make PNGs of them, without loss: \
          `for f in *.{kind}; do ffmpeg -i $f ${{f%.{kind}}}.png; done`",
@@ -50,10 +50,10 @@ pub enum Error {
     Address {
         /// What was asked for.
         uri: String,
-        /// What it should be, and where that helps what it is.
+        /// What was expected and, where that helps, what was got.
         expected: String,
     },
-    /// A stream that does not answer, or with something else.
+    /// A stream that does not answer, or whose answer is something else.
     #[error("{uri}: {source}")]
     Stream {
         /// Its address.
@@ -82,9 +82,9 @@ pub enum Error {
     Avi {
         /// The file.
         path: PathBuf,
-        /// What should stand there.
+        /// What was expected there.
         expected: &'static str,
-        /// What stands there.
+        /// What is there.
         got: String,
     },
     /// A codec that needs the program `ffmpeg`, which is not installed.
@@ -108,7 +108,7 @@ pub enum Error {
         /// The operating system's reason.
         source: io::Error,
     },
-    /// `ffmpeg` gave up.
+    /// `ffmpeg` failed.
     #[error("{}: expected a frame from `ffmpeg`, got {got}; it says: {stderr}", path.display())]
     Ffmpeg {
         /// The video.

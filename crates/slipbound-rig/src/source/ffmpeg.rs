@@ -1,7 +1,7 @@
 //! Every other codec, through the installed program `ffmpeg`: `ffmpeg -i FILE ... -c:v ppm -f image2pipe -`.
 //!
-//! Each frame comes as a PPM picture, so its size is the program's own word, whatever the container said; one
-//! thread and the bit-exact flags make the pixels the same on every run of one version of the program.
+//! Each frame comes as a PPM image, so its size is what the program decoded, whatever the container states. One thread
+//! and the bit-exact flags give the same pixels on every run of one version of the program.
 
 use super::Error;
 use super::picture_size::checked_size;
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
 use std::thread::JoinHandle;
 
-/// What standard input is called.
+/// The name of standard input.
 pub(super) const STDIN: &str = "-";
 
 /// How much of the end of the program's messages is kept.
@@ -25,7 +25,7 @@ pub struct Ffmpeg {
     path: PathBuf,
     times: VideoTimes,
     frames_count: Option<u64>,
-    /// What the file lacks at its end, to be told there.
+    /// What the file lacks at its end, to be reported there.
     lacks: Option<String>,
     running: Option<(Running, Pictures)>,
     seq: u64,
@@ -38,20 +38,20 @@ pub(super) struct Running {
     stderr: Option<JoinHandle<String>>,
 }
 
-/// The pictures that the program writes, for [`read_ppm`].
+/// The images that the program writes, for [`read_ppm`].
 pub(super) type Pictures = BufReader<ChildStdout>;
 
-/// Options that pass every frame once. The first is of ffmpeg 5.1 and later, the second of those before.
+/// Options that pass every frame once. The first is for ffmpeg 5.1 and later, the second for older versions.
 pub(super) const EVERY_FRAME_ONCE: [&str; 2] = ["-fps_mode", "-vsync"];
 
-/// Whether the program said that it does not know the first of them.
+/// Whether the program reported the first of them as unknown.
 pub(super) fn is_older(stderr: &str) -> bool {
     stderr.contains(&EVERY_FRAME_ONCE[0][1..])
 }
 
 impl Ffmpeg {
-    /// Starts the program on a video. `avi` is what our own reading of an AVI file found; for other containers
-    /// the times are asked of `ffprobe`, and without it there are none.
+    /// Starts the program on a video. `avi`: the result of our own reading of an AVI file; for other containers
+    /// `ffprobe` gives the times, and without it there are none.
     pub(super) fn open(path: &Path, avi: Option<(Video, Survey)>) -> Result<Self, Error> {
         let codec = avi.as_ref().map_or("this kind of video".into(), |(v, _)| format!("the codec {}", v.codec_name()));
         let running = start(path, EVERY_FRAME_ONCE[0]).map_err(|source| match source.kind() {
@@ -78,7 +78,7 @@ impl Ffmpeg {
         Ok(Ffmpeg { path: path.to_owned(), times, frames_count: None, lacks: None, running: Some(running), seq: 0 })
     }
 
-    /// The program has nothing more to give: all is well, or it says why not.
+    /// The program has ended: normally, or with a reason.
     fn finish(&mut self, got: Option<String>) -> Result<Next, SourceError> {
         let Some((mut running, _pictures)) = self.running.take() else {
             return Ok(Next::End);
@@ -147,14 +147,14 @@ impl Running {
 impl Running {
     /// Ends the program; it may have ended by itself.
     fn stop(&mut self) {
-        let _ = self.child.kill(); // fails only when it is over already
+        let _ = self.child.kill(); // fails only when it has ended already
     }
 }
 
 impl Drop for Running {
     fn drop(&mut self) {
         self.stop();
-        let _ = self.reap(); // nobody is left to tell
+        let _ = self.reap(); // nobody is left to report to
     }
 }
 
@@ -191,14 +191,14 @@ impl Running {
         Ok((Running { child, stderr: Some(std::thread::spawn(move || last_words(stderr))) }, stdout))
     }
 
-    /// Ends it; what it said last.
+    /// Ends it; returns its last messages.
     pub(super) fn last_words(mut self) -> String {
         self.stop();
         self.reap().map(|(_, said)| said).unwrap_or_default()
     }
 }
 
-/// Reads all that the program says and keeps the end of it, on one line.
+/// Reads all messages of the program and keeps the end, on one line.
 fn last_words(stderr: ChildStderr) -> String {
     let mut kept: Vec<u8> = Vec::new();
     let mut reader = BufReader::new(stderr);
@@ -215,7 +215,7 @@ fn last_words(stderr: ChildStderr) -> String {
     String::from_utf8_lossy(&kept).lines().map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join("; ")
 }
 
-/// Reads one binary PPM picture; false at the end of the stream.
+/// Reads one binary PPM image; false at the end of the stream.
 pub(super) fn read_ppm(from: &mut impl BufRead, into: &mut FrameBuffer) -> io::Result<bool> {
     if from.fill_buf()?.is_empty() {
         return Ok(false);

@@ -1,12 +1,13 @@
 //! Streams that only the installed program `ffmpeg` reads: `rtsp://`, `https://`, `udp://` and the like.
 //!
-//! Its own buffers are made small (`nobuffer`, `low_delay`, short probing); what is left of its delay cannot be known, for the
-//! stream carries no clock of ours. Times are those of arrival. When it ends, or gives no frame for a while, it is started again.
+//! Its own buffers are made small (`nobuffer`, `low_delay`, short probing); its remaining delay is unknown, because the
+//! stream carries no clock of ours. Times are arrival times. When it ends, or gives no frame for a while, it is
+//! restarted.
 //!
 //! ```text
-//!   ffmpeg --PPM--> reading thread --a picture--> next: waits a tenth of a second at most
+//!   ffmpeg --PPM--> reading thread --an image---> next: waits a tenth of a second at most
 //!      ^                 '<--------a buffer---------'  |
-//!      '------- ended, and started again after a while-'
+//!      '------- ended, and restarted after a while-----'
 //! ```
 
 use super::Error;
@@ -38,11 +39,12 @@ const LOW_LATENCY: [&str; 10] = [
     "100000",
 ];
 
-/// Wait before the first start anew, and the longest: it doubles.
+/// Wait before the first restart, and the longest: it doubles.
 const FIRST_RETRY: Duration = Duration::from_millis(200);
 const LONGEST_RETRY: Duration = Duration::from_secs(3);
 
-/// Longest time without a frame before the program is ended: until the first one, which takes connecting and probing, and later.
+/// Longest time without a frame before the program is ended: until the first one, including connecting and probing, and
+/// later.
 const LONGEST_START: Duration = Duration::from_secs(15);
 const LONGEST_SILENCE: Duration = Duration::from_secs(3);
 
@@ -62,7 +64,7 @@ pub struct FfmpegLive {
     tally: Arc<CameraTally>,
 }
 
-/// The program and the thread that reads its pictures; the thread ends with the program.
+/// The program and the thread that reads its images; the thread ends with the program.
 #[derive(Debug)]
 struct Started {
     running: Running,
@@ -93,7 +95,7 @@ impl FfmpegLive {
         Ok(Camera { source: Box::new(source), facts, tally })
     }
 
-    /// Starts the program again when it is time; silent meanwhile.
+    /// Restarts the program when it is time; silent meanwhile.
     fn start_again(&mut self) -> Next {
         let rest = self.retry_at.saturating_duration_since(Instant::now());
         if !rest.is_zero() {
@@ -106,7 +108,8 @@ impl FfmpegLive {
         Next::Silent
     }
 
-    /// The program is over, or is ended for its silence. A stream that never gave a frame was asked for wrongly, and the program says how.
+    /// The program has ended, or is ended because it is silent. A stream that never gave a frame was requested wrongly,
+    /// and the program says how.
     fn ended(&mut self, got: String) -> Result<Next, SourceError> {
         let stderr = self.started.take().map(|started| started.running.last_words()).unwrap_or_default();
         self.retry_at = Instant::now() + self.retry;
@@ -151,7 +154,7 @@ impl FrameSource for FfmpegLive {
                     pixels: std::mem::replace(&mut into.pixels, picture.pixels),
                     ..FrameBuffer::default()
                 };
-                let _ = started.buffers.send(buffer); // the program is over: its thread needs none
+                let _ = started.buffers.send(buffer); // the program has ended: its thread needs none
                 self.tally.change(|counts| counts.returns_count += u64::from(is_back));
                 self.tally.frame(time_ns, false);
                 Ok(Next::Frame)
@@ -180,7 +183,7 @@ impl Started {
     }
 }
 
-/// Reads pictures until the program is over or nobody wants them.
+/// Reads images until the program ends or they are no longer taken.
 fn read_all(mut from: Pictures, to: &SyncSender<Result<FrameBuffer, String>>, emptied: &Receiver<FrameBuffer>) {
     loop {
         let mut picture = emptied.try_recv().unwrap_or_default();

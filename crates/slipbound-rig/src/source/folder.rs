@@ -1,4 +1,4 @@
-//! Pictures in files: a folder, a pattern or a single one, in the natural order of their names.
+//! Images in files: a folder, a pattern or a single one, in the natural order of their names.
 
 use super::{Error, natural, picture};
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
@@ -6,7 +6,7 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Pictures in files as frames. They carry no time: the clock is [`Clock::Unknown`].
+/// Images in files as frames. They carry no time: the clock is [`Clock::Unknown`].
 #[derive(Debug)]
 pub struct Folder {
     files: Vec<PathBuf>,
@@ -14,7 +14,7 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// The images of a folder; other files are passed over.
+    /// The images of a folder; other files are ignored.
     pub fn open(path: &Path) -> Result<Self, Error> {
         let read = |source| Error::Read { path: path.to_owned(), source };
         let mut all = Vec::new();
@@ -58,13 +58,13 @@ impl Folder {
     }
 }
 
-/// The ending of a picture that cannot be read here; None for any other file.
+/// The ending of an unsupported image; None for any other file.
 pub(super) fn other_image(path: &Path) -> Option<&'static str> {
     const ENDINGS: [&str; 6] = ["bmp", "tif", "tiff", "webp", "pgm", "ppm"];
     ENDINGS.into_iter().find(|ending| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending)))
 }
 
-/// The pattern with `%d` and `%06d`, as C and ffmpeg number files, written as this crate's patterns are.
+/// A pattern with `%d` and `%06d`, as C and ffmpeg number files, in the form of this crate's patterns.
 fn without_numbers(pattern: &str) -> String {
     let mut out = String::new();
     let mut rest = pattern;
@@ -102,14 +102,14 @@ pub(super) fn image_files(uri: &str) -> Vec<PathBuf> {
     folder.map_or_else(|_| Vec::new(), |folder| folder.files)
 }
 
-/// Whether a file of a folder or pattern can be a frame: not `._1.jpg`, which macOS lays beside `1.jpg`, and no pipe or device, which
-/// would be waited for. One that cannot be looked at is a frame, and torn.
+/// Whether a file of a folder or pattern can be a frame: not `._1.jpg`, which macOS puts beside `1.jpg`, and no pipe or
+/// device, which would block. A file that cannot be inspected is a frame, and torn.
 fn is_frame(path: &Path) -> bool {
     let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
     !is_hidden && fs::metadata(path).map_or(true, |there| there.is_file())
 }
 
-/// Whether a file is named as an image that can be read.
+/// Whether a file has the name of a supported image.
 pub(super) fn has_image_name(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     matches!(extension.as_str(), "jpg" | "jpeg" | "png")

@@ -1,4 +1,4 @@
-//! JPEG, strictly: a picture is whole or it is torn.
+//! Strict JPEG: an image is complete or it is torn.
 //!
 //! ```text
 //!   FFD8 | FFE0 APP0 | FFDB DQT | FFC0 SOF | FFC4 DHT | FFDA SOS | entropy coded ... | FFD9
@@ -13,7 +13,7 @@ use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
-/// Width and height beyond which a header is taken for damaged: the largest a sensor file may state.
+/// Width and height beyond which a header counts as damaged: the largest a sensor file may state.
 const MAX_SIDE_PX: usize = 8192;
 
 /// Whether the bytes begin as a JPEG does.
@@ -21,7 +21,7 @@ pub(super) fn is_jpeg(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0xFF, 0xD8])
 }
 
-/// Decodes a whole JPEG into `into.pixels`; the text of the failure says what is wrong with it.
+/// Decodes a complete JPEG into `into.pixels`; the error says what is wrong with it.
 pub(super) fn decode(bytes: &[u8], into: &mut FrameBuffer) -> Result<(), String> {
     let layout = layout(bytes)?;
     if !layout.ends {
@@ -47,13 +47,13 @@ pub(super) fn decode(bytes: &[u8], into: &mut FrameBuffer) -> Result<(), String>
     Ok(())
 }
 
-/// What the segments of a JPEG say before anything is decoded.
+/// What the segments of a JPEG state before anything is decoded.
 struct Layout {
-    /// Where the first start-of-scan marker stands.
+    /// Offset of the first start-of-scan marker.
     scan: usize,
     /// Whether a Huffman table comes before it.
     has_huffman_tables: bool,
-    /// Whether an end-of-image marker follows it. The decoder alone would let a cut in the last rows pass.
+    /// Whether an end-of-image marker follows it. The decoder alone would accept a cut in the last rows.
     ends: bool,
 }
 
@@ -106,7 +106,7 @@ fn with_standard_tables(bytes: &[u8], scan: usize) -> Cow<'_, [u8]> {
     Cow::Owned(out)
 }
 
-// How many codes there are of 1 to 16 bits (tables K.3 to K.6), then what they stand for.
+// Number of codes of 1 to 16 bits (tables K.3 to K.6), then their values.
 const DC_LUMA_COUNTS: [u8; 16] = [0, 1, 5, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0];
 const DC_CHROMA_COUNTS: [u8; 16] = [0, 3, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0];
 const DC_VALUES: [u8; 12] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];

@@ -6,8 +6,8 @@
 //!      '--- wait 0.1 s, 0.2 s .. 3 s
 //! ```
 //!
-//! The time of a frame is the server's `X-Timestamp` where it sends one (its clock says device), else that of arrival; so it is
-//! for the rest of the source once a stamp is not later than the one before it ([`Stamps`]).
+//! The time of a frame is the server's `X-Timestamp` where it sends one (clock: device), else the arrival time. Once a
+//! stamp is not later than the one before it, arrival times are used for the rest of the source ([`Stamps`]).
 
 use super::camera::{Camera, CameraTally};
 use super::chunked::{self, Chunked};
@@ -26,7 +26,7 @@ use std::time::Duration;
 const LONGEST_WAIT: Duration = Duration::from_millis(100);
 /// Longest wait for a connection.
 const CONNECT: Duration = Duration::from_secs(2);
-/// A stream without a byte for so long is opened anew, ns; so is a request without an answer.
+/// A stream without a byte for this long is reopened, ns; so is a request without an answer.
 const SILENT_NS: u64 = 3_000_000_000;
 /// Wait before the first try to connect again, and the longest, ns: it doubles.
 const FIRST_RETRY_NS: u64 = 100_000_000;
@@ -42,7 +42,7 @@ struct Address {
     path: String,
 }
 
-/// The frames of a stream. It comes back by itself when it was cut off.
+/// The frames of a stream. It reconnects by itself after it was cut off.
 #[derive(Debug)]
 pub struct MjpegHttp {
     address: Address,
@@ -59,7 +59,7 @@ pub struct MjpegHttp {
 #[derive(Debug)]
 struct Stream {
     socket: TcpStream,
-    /// Undoes the chunks, where the answer comes in chunks.
+    /// Decodes the chunks, where the answer comes in chunks.
     chunked: Option<Chunked>,
     parts: Multipart,
     has_ended: bool,
@@ -67,7 +67,7 @@ struct Stream {
 }
 
 impl MjpegHttp {
-    /// Connects. Fails when nobody answers, or with something else than a stream of pictures.
+    /// Connects. Fails when nobody answers, or when the answer is not a stream of images.
     pub fn open(url: &str) -> Result<Camera, Error> {
         let address = Address::parse(url).map_err(|expected| Error::Address { uri: url.into(), expected })?;
         let stream = Stream::open(&address).map_err(|source| Error::Stream { uri: url.into(), source })?;
@@ -86,7 +86,7 @@ impl MjpegHttp {
         Ok(Camera { source: Box::new(source), facts, tally })
     }
 
-    /// Tries to connect again when it is time for that; waits for a moment otherwise.
+    /// Tries to reconnect when it is time for that; otherwise waits for a moment.
     fn reconnect(&mut self) {
         let now = now_ns();
         if now < self.retry_at_ns {
@@ -100,14 +100,14 @@ impl MjpegHttp {
                 self.tally.change(|counts| counts.returns_count += 1);
             }
             Err(_) => {
-                // Nobody is there (yet): why does not matter, what counts is when there is.
+                // Nobody answers yet: the reason does not matter.
                 self.retry_at_ns = now_ns() + self.retry_ns;
                 self.retry_ns = (2 * self.retry_ns).min(LONGEST_RETRY_NS);
             }
         }
     }
 
-    /// The connection is of no more use.
+    /// Gives up the connection.
     fn give_up(&mut self) {
         self.stream = None;
         self.retry_at_ns = now_ns() + self.retry_ns;
@@ -208,7 +208,7 @@ impl Stream {
         Err(failed)
     }
 
-    /// Asks for the stream. HTTP/1.0, for few cut their answer to that into chunks.
+    /// Requests the stream. HTTP/1.0, because few servers answer that in chunks.
     fn ask(mut socket: TcpStream, address: &Address) -> io::Result<Self> {
         socket.set_read_timeout(Some(LONGEST_WAIT))?;
         socket.set_write_timeout(Some(CONNECT))?;
@@ -224,7 +224,7 @@ impl Stream {
         Ok(stream)
     }
 
-    /// Takes what came through the socket.
+    /// Takes received bytes.
     fn push(&mut self, bytes: &[u8]) -> Result<(), chunked::Fault> {
         let Stream { chunked, parts, has_ended, .. } = self;
         match chunked {
@@ -268,13 +268,13 @@ fn position(bytes: &[u8], of: &[u8]) -> Option<usize> {
     bytes.windows(of.len()).position(|window| window == of)
 }
 
-/// What the head of an answer says under this name.
+/// The value of this name in the head of an answer.
 fn value<'a>(head: &'a str, name: &str) -> Option<&'a str> {
     let mut fields = head.lines().skip(1).filter_map(|line| line.split_once(':'));
     fields.find(|(n, _)| n.trim().eq_ignore_ascii_case(name)).map(|(_, value)| value.trim())
 }
 
-/// Whether the answer comes in chunks; in words what is wrong with how it comes otherwise.
+/// Whether the answer comes in chunks; the error names an unsupported encoding.
 fn comes_in_chunks(head: &str) -> Result<bool, String> {
     match value(head, "transfer-encoding") {
         None => Ok(false),
@@ -284,7 +284,7 @@ fn comes_in_chunks(head: &str) -> Result<bool, String> {
     }
 }
 
-/// The boundary that the head of an answer names; in words what is wrong with it otherwise.
+/// The boundary that the head of an answer names; the error says what is wrong with it.
 fn boundary(head: &str) -> Result<String, String> {
     let status = head.lines().next().unwrap_or_default();
     let code = status.split_whitespace().nth(1).unwrap_or_default();
@@ -304,7 +304,7 @@ fn boundary(head: &str) -> Result<String, String> {
              its page or of a single picture?"
         ));
     }
-    // Found in the lower case copy, which has the same length: taken from the other.
+    // Found in the lower-case copy, which has the same length: taken from the original.
     let name = lower.find("boundary=").map(|at| &kind[at + "boundary=".len()..]).unwrap_or_default();
     let name = name.split(';').next().unwrap_or_default().trim().trim_matches('"');
     if name.trim_start_matches('-').is_empty() {
@@ -314,7 +314,7 @@ fn boundary(head: &str) -> Result<String, String> {
 }
 
 impl Address {
-    /// `http://HOST[:PORT][/PATH]`; in words what was expected otherwise.
+    /// `http://HOST[:PORT][/PATH]`; the error says what was expected.
     fn parse(url: &str) -> Result<Self, String> {
         let rest = url.strip_prefix("http://").ok_or("http://HOST[:PORT]/PATH")?;
         let (authority, path) = rest.find(['/', '?']).map_or((rest, ""), |at| rest.split_at(at));

@@ -1,18 +1,18 @@
-//! The parts of a `multipart/x-mixed-replace` stream, as its bytes come in: pure, incremental, bounded.
+//! The parts of a `multipart/x-mixed-replace` stream, as its bytes arrive: pure, incremental, bounded.
 //!
 //! ```text
 //!   preamble | --name CRLF header: value CRLF .. CRLF | body | CRLF --name CRLF header .. | body | CRLF --name-- end
 //!              delimiter   head                         part
 //! ```
 //!
-//! Servers write wrong lengths, so a `Content-Length` only lets a part end early: where its last two bytes are those of
-//! a JPEG, with no delimiter before them, it is whole without waiting for the next delimiter (and so a frame is not a
-//! frame late). In every other case the next delimiter ends it. What is found depends on the bytes alone, not on how they
-//! were split.
+//! Servers write wrong lengths, so a `Content-Length` only lets a part end early: if its last two bytes are those of a
+//! JPEG, with no delimiter before them, it is complete without waiting for the next delimiter, and its frame does not
+//! come one frame late. In every other case the next delimiter ends it. The result depends on the bytes alone, not on
+//! how they were split.
 
 /// Longest head of a part, bytes.
 pub(super) const LONGEST_HEAD_BYTES: usize = 16 << 10;
-/// Longest part, bytes: a raw picture of 8 Mpx.
+/// Longest part, bytes: a raw image of 8 Mpx.
 pub(super) const LONGEST_PART_BYTES: usize = 24 << 20;
 /// What may come before the first delimiter, or between the end of a part and the next one, bytes.
 const LONGEST_GAP_BYTES: usize = 1 << 20;
@@ -20,7 +20,7 @@ const LONGEST_GAP_BYTES: usize = 1 << 20;
 /// The last two bytes of a JPEG.
 const JPEG_END: [u8; 2] = [0xFF, 0xD9];
 
-/// A stream that cannot be followed any further. It should be opened anew.
+/// A stream that cannot be followed any further. It should be reopened.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Fault {
     /// A head without an end.
@@ -42,13 +42,13 @@ pub(super) enum Fault {
 pub(super) enum Found {
     /// More bytes are needed.
     Nothing,
-    /// A part, handed over.
+    /// A part was returned.
     Part(Head),
-    /// The server says that no more parts come.
+    /// The server states that no more parts come.
     End,
 }
 
-/// What the head of a part says.
+/// Contents of the head of a part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Head {
     /// `Content-Length`, bytes.
@@ -75,11 +75,11 @@ pub(super) struct Multipart {
     delimiter: Vec<u8>,
     state: State,
     bytes: Vec<u8>,
-    /// Where in `bytes` the unread ones begin.
+    /// Start of the unread bytes in `bytes`.
     from: usize,
-    /// How far beyond `from` was searched in vain.
+    /// Bytes beyond `from` that were searched without success.
     searched: usize,
-    /// Bytes passed over since the last part.
+    /// Bytes skipped since the last part.
     gap_bytes: usize,
 }
 
@@ -168,7 +168,7 @@ impl Multipart {
             return Ok(Some(State::End));
         }
         let window = &unread[..unread.len().min(LONGEST_HEAD_BYTES)];
-        // The delimiter's own line end belongs to the search: a head may be empty.
+        // The search includes the delimiter's own line end: a head may be empty.
         let end = [&b"\r\n\r\n"[..], b"\n\n"].iter().filter_map(|end| Some(find(window, end)? + end.len())).min();
         match end {
             Some(end) => {

@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-/// Compares names with runs of digits taken as numbers, however long; equal ones by their signs (`1` before `01`).
+/// Compares names with runs of digits taken as numbers, however long; equal ones by their characters (`1` before `01`).
 pub(super) fn compare(a: &str, b: &str) -> Ordering {
     let (mut rest_a, mut rest_b) = (a, b);
     while !rest_a.is_empty() && !rest_b.is_empty() {
@@ -23,7 +23,7 @@ pub(super) fn compare(a: &str, b: &str) -> Ordering {
     rest_a.len().cmp(&rest_b.len()).then_with(|| a.len().cmp(&b.len())).then_with(|| a.cmp(b))
 }
 
-/// Splits off a run of digits, or a single other sign.
+/// Splits off a run of digits, or a single other character.
 fn head(s: &str) -> (&str, &str) {
     let digits = s.bytes().take_while(u8::is_ascii_digit).count();
     s.split_at(if digits > 0 { digits } else { s.chars().next().map_or(0, char::len_utf8) })

@@ -20,7 +20,7 @@ struct Slot {
     end: Option<Result<(), SourceError>>,
     replaced_count: u64,
     is_abandoned: bool,
-    /// The thread that asked last and found nothing: it is woken when something comes.
+    /// The thread that asked last and found nothing: it is woken when something arrives.
     asks: Option<Thread>,
 }
 
@@ -40,7 +40,7 @@ struct Shared {
 }
 
 impl Shared {
-    /// A thread that broke down while it held the lock leaves the slot as it was.
+    /// A thread that panicked while it held the lock leaves the slot as it was.
     fn lock(&self) -> MutexGuard<'_, Slot> {
         self.slot.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -53,7 +53,7 @@ pub struct Newest {
     frames_count: Option<u64>,
 }
 
-/// Tells the driver of the loop whether a frame is waiting.
+/// Shows the driver of the loop whether a frame is waiting.
 #[derive(Clone)]
 pub struct Arrivals(Arc<Shared>);
 
@@ -83,7 +83,7 @@ pub struct Awaited(pub Newest);
 impl FrameSource for Awaited {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
         if !self.0.arrivals().is_waiting() {
-            thread::park_timeout(LONGEST_WAIT); // what comes unparks this thread
+            thread::park_timeout(LONGEST_WAIT); // an arrival unparks this thread
         }
         self.0.next(into)
     }
@@ -112,7 +112,7 @@ impl Newest {
         Newest { shared, frames_count }
     }
 
-    /// A handle that tells whether a frame is waiting.
+    /// A handle that shows whether a frame is waiting.
     pub fn arrivals(&self) -> Arrivals {
         Arrivals(self.shared.clone())
     }
@@ -123,7 +123,7 @@ impl Newest {
     }
 }
 
-/// A source that breaks down has failed: whoever waits for its frames is told, and why no more come.
+/// If the source panics, the reader of its frames gets an error that says so.
 struct Unwinding<'a>(&'a Shared);
 
 impl Drop for Unwinding<'_> {
@@ -137,7 +137,7 @@ impl Drop for Unwinding<'_> {
     }
 }
 
-/// Reads until the source ends, fails, or nobody wants its frames any more.
+/// Reads until the source ends or fails, or its frames are no longer taken.
 fn read(mut source: Box<dyn FrameSource + Send>, shared: &Shared, room_count: Option<usize>) {
     let _told = Unwinding(shared);
     let mut frame = FrameBuffer::default();

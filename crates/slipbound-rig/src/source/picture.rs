@@ -1,11 +1,11 @@
-//! One encoded picture to pixels. The content decides what it is, not the name of its file.
+//! Decodes one encoded image. The content decides the format, not the name of the file.
 
 use super::jpeg;
 use super::picture_size::checked_size;
 use slipbound::image::SizePx;
 use slipbound::port::{FrameBuffer, PixelFormat};
 
-/// Decodes `into.encoded`, a JPEG or PNG picture, into `into.pixels`; the text of the failure says what is wrong with it.
+/// Decodes `into.encoded`, a JPEG or PNG image, into `into.pixels`; the error says what is wrong with it.
 pub fn decode(into: &mut FrameBuffer) -> Result<(), String> {
     let encoded = std::mem::take(&mut into.encoded);
     let done = if encoded.is_empty() {
@@ -21,7 +21,7 @@ pub fn decode(into: &mut FrameBuffer) -> Result<(), String> {
     done
 }
 
-/// Encodes `into.pixels` as a PNG into `into.encoded`, fast rather than small; in words why that fails.
+/// Encodes `into.pixels` as a PNG into `into.encoded`, fast rather than small; the error says why that fails.
 pub(super) fn encode(into: &mut FrameBuffer) -> Result<(), String> {
     let text = |e: png::EncodingError| format!("PNG: {e}");
     let side = |px: usize| {
@@ -106,7 +106,7 @@ mod tests {
         }
     }
 
-    /// A header alone, as large as it likes to be: refused before a buffer is made.
+    /// A header alone that states a huge size is refused before a buffer is allocated.
     #[test]
     fn a_header_that_says_too_many_pixels_makes_no_buffer() {
         for side_px in [60_000u32, 5_800] {

@@ -1,16 +1,16 @@
-//! A recording whose first frames are looked at before they are judged: what was read ahead is given again.
+//! A recording whose first frames are inspected before they are judged: frames read ahead are given again.
 
 use slipbound::image::SizePx;
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
 use std::collections::VecDeque;
 
-/// A live source that gives torn frames alone is read ahead for so long, ns.
+/// A live source that gives only torn frames is read ahead for this long, ns.
 const TORN_NS: u64 = 5_000_000_000;
 
 /// A frame that was read ahead.
 #[derive(Debug)]
 pub struct AheadFrame {
-    /// The frame; of one that is torn neither bytes nor pixels are kept.
+    /// The frame; of a torn one neither bytes nor pixels are kept.
     pub buffer: FrameBuffer,
     /// Why it is torn; None when it is whole.
     pub torn: Option<String>,
@@ -41,14 +41,15 @@ impl ReadAhead {
         ReadAhead { source, ahead: VecDeque::new(), failed: None, live: None }
     }
 
-    /// The same for a source that does not end by itself: it fails when it gives nothing but torn frames for 5 s by this clock,
-    /// ns, while it is read ahead. `uri`: what it is called in messages.
+    /// The same for a source that does not end by itself: it fails when it gives nothing but torn frames for 5 s by
+    /// this clock, ns, while it is read ahead. `uri`: its name in messages.
     pub fn live(source: Box<dyn FrameSource + Send>, uri: &str, now_ns: impl Fn() -> u64 + Send + 'static) -> Self {
         let live = Live { uri: uri.to_owned(), now_ns: Box::new(now_ns) };
         ReadAhead { live: Some(live), ..ReadAhead::new(source) }
     }
 
-    /// Reads on until this many whole frames wait, or the source ends or fails; all that wait, torn ones too.
+    /// Reads on until this many complete frames wait, or the source ends or fails; returns all that wait, torn ones
+    /// too.
     pub fn read_ahead(&mut self, whole_count: usize) -> impl Iterator<Item = &AheadFrame> {
         let mut missing_count = whole_count.saturating_sub(self.ahead.iter().filter(|a| a.torn.is_none()).count());
         let mut torn_since_ns = None;
@@ -90,14 +91,14 @@ impl ReadAhead {
         self.failed.take()
     }
 
-    /// Whose clock the time of the frames is from, as the last frame that waits says, for the stamps of a camera may stop being
-    /// believed; unknown when none waits.
+    /// The clock of the frame times, that of the last waiting frame, because the stamps of a camera may be rejected
+    /// from some frame on; unknown when none waits.
     pub fn clock(&self) -> Clock {
         self.ahead.back().map_or(Clock::Unknown, |ahead| ahead.buffer.clock)
     }
 
-    /// Frames per second between the first and the last frame that wait, rounded; None without times or with those of two clocks,
-    /// and below one.
+    /// Frames per second between the first and the last waiting frame, rounded; None without times or with those of two
+    /// clocks, and below one.
     pub fn rate_hz(&self) -> Option<u32> {
         let (first, last) = (&self.ahead.front()?.buffer, &self.ahead.back()?.buffer);
         let last_ns = last.time_ns.filter(|_| last.clock == first.clock)?;

@@ -26,20 +26,20 @@ pub struct Rate {
     pub seconds: u32,
 }
 
-/// Frames per second beyond which a header is not believed: the fastest cameras of a finger give 240 to 1000, time lapses one
-/// in some seconds.
+/// Frame rates outside this range are ignored: the fastest finger cameras give 240 to 1000, time lapses one frame in
+/// some seconds.
 pub(super) const LEAST_RATE_HZ: f64 = 0.1;
 pub(super) const MOST_RATE_HZ: f64 = 1000.0;
 
 impl Rate {
-    /// Whether it states a rate, and one that no camera has.
+    /// Whether it states a rate that no camera has.
     pub(super) fn is_doubtful(self) -> bool {
         let rate_hz = f64::from(self.frames) / f64::from(self.seconds);
         self.frames > 0 && self.seconds > 0 && !(LEAST_RATE_HZ..=MOST_RATE_HZ).contains(&rate_hz)
     }
 
-    /// When frame `seq` would have been exposed, counted from frame 0; None for a rate without meaning, and for one that no
-    /// camera has.
+    /// When frame `seq` would have been exposed, counted from frame 0; None for a rate without meaning, and for one
+    /// that no camera has.
     pub fn time_ns(self, seq: u64) -> Option<u64> {
         if self.frames == 0 || self.seconds == 0 || self.is_doubtful() {
             return None;
@@ -53,17 +53,17 @@ impl Rate {
 pub(super) struct Video {
     /// Four signs naming the codec.
     pub codec: [u8; 4],
-    /// Size of the picture.
+    /// Size of the image.
     pub size: SizePx,
     /// The frame rate claimed.
     pub rate: Rate,
-    /// The number of frames claimed; 0 in a recording that was broken off.
+    /// The number of frames claimed; 0 in a recording that was cut off.
     pub frames_count: u32,
     stream: u8,
 }
 
 impl Video {
-    /// Whether the frames are JPEG pictures.
+    /// Whether the frames are JPEG images.
     pub fn is_motion_jpeg(&self) -> bool {
         matches!(self.codec.to_ascii_uppercase().as_slice(), b"MJPG" | b"JPEG" | b"AVRN" | b"DMB1")
     }
@@ -93,7 +93,7 @@ pub(super) struct Survey {
 pub(super) enum Item {
     /// An encoded frame.
     Frame,
-    /// A frame that its recorder left out: its number and time pass.
+    /// A frame that its recorder dropped: its number and time count.
     Dropped,
     /// The file ends too early or goes on with something else; nothing follows.
     Cut(String),

@@ -1,4 +1,4 @@
-//! Whether the time stamps of a stream's server are believed.
+//! Whether the time stamps of a stream's server are trusted.
 //!
 //! ```text
 //!   12.001  12.034  12.068 ..        each is later than the one before it: the time of the frame
@@ -9,18 +9,19 @@
 /// The stamps of a source, over all its connections.
 #[derive(Debug, Default)]
 pub(super) struct Stamps {
-    /// That of the last frame of this connection, ns.
+    /// Stamp of the last frame of this connection, ns.
     last_ns: Option<u64>,
     have_stood_still: bool,
 }
 
 impl Stamps {
-    /// A connection begins: its server's clock may start anew.
+    /// A connection begins: its server's clock may restart.
     pub fn connect(&mut self) {
         self.last_ns = None;
     }
 
-    /// The time of the next frame by its server's clock, ns, from its stamp; None without a stamp, and when it is not believed.
+    /// The time of the next frame by its server's clock, ns, from its stamp; None without a stamp, and when it is not
+    /// trusted.
     pub fn device_ns(&mut self, stamp_ns: Option<u64>) -> Option<u64> {
         let stamp_ns = stamp_ns.filter(|ns| *ns > 0)?;
         let last_ns = self.last_ns.replace(stamp_ns);
@@ -28,7 +29,7 @@ impl Stamps {
         (!self.have_stood_still).then_some(stamp_ns)
     }
 
-    /// Whether a stamp was not later than the one before it: no stamp of this source is believed any more.
+    /// Whether a stamp was not later than the one before it: no later stamp of this source is trusted.
     pub fn have_stood_still(&self) -> bool {
         self.have_stood_still
     }

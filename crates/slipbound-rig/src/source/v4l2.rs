@@ -16,9 +16,9 @@
 //! The time of a frame is the driver's, on the system's monotonic clock. A gap in the driver's numbers is a frame that was
 //! lost, and counted.
 //!
-//! A camera that comes back is set to what it was set to first (`settled.rs`). Where it has another rate or is locked elsewhere,
-//! its first frame is torn and says in what it differs: what follows is not as the finger was at rest. Where it does not have the
-//! format or size any more, it stays away, and one torn frame says why.
+//! A camera that comes back gets its first settings again (`settled.rs`). If its rate or a locked value differs, its
+//! first frame is torn and states the difference: the frames that follow do not match the rest frame. If it no longer
+//! has the format or size, it stays away, and one torn frame says why.
 
 mod locks;
 mod nodes;
@@ -46,26 +46,26 @@ use sys::{Device, Picture, PictureLayout, Stream};
 
 /// Longest wait of one call, ms.
 const LONGEST_WAIT_MS: u16 = 100;
-/// A camera without a frame for so long is opened anew, ns.
+/// A camera without a frame for this long is reopened, ns.
 const SILENT_NS: u64 = 3_000_000_000;
-/// Time between two looks for a camera that is gone, ns.
+/// Time between two searches for a camera that is gone, ns.
 const RETRY_NS: u64 = 500_000_000;
-/// Buffers of the driver. Few, for a picture that waits is old; enough for one late turn of this thread.
+/// Buffers of the driver: few, because a waiting image gets old, but enough for one late turn of this thread.
 const BUFFERS_COUNT: u32 = 4;
-/// Frames passed over before exposure and the like are locked, and the longest time for that, ns.
+/// Frames skipped before exposure and the like are locked, and the longest time for that, ns.
 const SETTLE_COUNT: u32 = 15;
 const SETTLE_NS: u64 = 1_500_000_000;
 
 /// The frames of a camera. It comes back by itself after it was unplugged.
 #[derive(Debug)]
 pub struct V4l2 {
-    /// What is asked for when it comes back.
+    /// What is requested when it comes back.
     options: Options,
     /// What it was set to first.
     first: Settled,
-    /// Why it stays away, or in what it is set otherwise since it is back, while that has not been told.
+    /// Why it stays away, or how its settings differ since it is back, until that is reported.
     news: Option<String>,
-    /// Why it stays away, as it was told last.
+    /// Why it stays away, as last reported.
     refused: Option<String>,
     open: Option<Open>,
     retry_at_ns: u64,
@@ -103,7 +103,7 @@ impl V4l2 {
         V4l2 { options, first, news: None, refused: None, open: None, retry_at_ns: 0, seq: 0, tally }
     }
 
-    /// Looks for the camera when it is time for that; waits for a moment otherwise.
+    /// Searches for the camera when it is time for that; otherwise waits for a moment.
     fn look_for_it(&mut self) {
         let now = now_ns();
         if now < self.retry_at_ns {
@@ -122,10 +122,10 @@ impl V4l2 {
         }
     }
 
-    /// Looks again later. A camera that is there and cannot be as it was is told of, once.
+    /// Searches again later. A camera that is there and cannot be set as before is reported once.
     fn stays_away(&mut self, problem: Problem) {
         self.retry_at_ns = now_ns() + RETRY_NS;
-        // Where it is not there (yet), why does not matter, what counts is when it is.
+        // If it is not there, the reason does not matter.
         let Problem::Asked(expected) = problem else { return };
         if self.refused.as_ref() != Some(&expected) {
             self.news = Some(format!("the camera is back, and cannot be set as at first: expected {expected}"));
@@ -138,7 +138,7 @@ impl V4l2 {
         self.retry_at_ns = now_ns() + RETRY_NS;
     }
 
-    /// A torn frame that says what is new of the camera.
+    /// A torn frame that reports news of the camera.
     fn told(&mut self, into: &mut FrameBuffer, reason: String) -> Next {
         into.encoded.clear();
         into.label.clear();
@@ -190,7 +190,7 @@ impl FrameSource for V4l2 {
 }
 
 impl Open {
-    /// The next picture, with the count of those that the driver lost before it; None while there is none.
+    /// The next image, with the number of images that the driver lost before it; None while there is none.
     fn next(&mut self, into: &mut FrameBuffer) -> io::Result<Option<(u32, Result<(), String>)>> {
         if !self.stream.wait(LONGEST_WAIT_MS)? {
             return Ok(None);
@@ -206,7 +206,7 @@ impl Open {
             into.time_ns = Some(self.heard_ns);
         }
         let step = self.last_sequence.replace(sequence).map_or(1, |last| sequence.wrapping_sub(last));
-        // A driver that counts from zero again, or not at all, has lost nothing that it tells of.
+        // A driver that restarts its count, or does not count, reports no losses.
         let missing_count = if (1..1000).contains(&step) { step - 1 } else { 0 };
         if kind == PixelKind::Mjpg && read.is_ok() {
             return Ok(Some((missing_count, picture::decode(into)))); // after the buffer was given back
@@ -215,7 +215,7 @@ impl Open {
     }
 }
 
-/// Takes a picture out of the driver's buffer; in words why it is torn.
+/// Takes an image out of the driver's buffer; the error says why it is torn.
 fn read(picture: Picture<'_>, kind: PixelKind, layout: &PictureLayout, into: &mut FrameBuffer) -> Result<(), String> {
     let is_device = picture.flags & sys::STAMP_MASK == sys::STAMP_MONOTONIC && picture.stamp_ns > 0;
     (into.clock, into.time_ns) = if is_device { (Clock::Device, Some(picture.stamp_ns)) } else { (Clock::Host, None) };
@@ -245,11 +245,11 @@ fn read(picture: Picture<'_>, kind: PixelKind, layout: &PictureLayout, into: &mu
     Ok(())
 }
 
-/// Why a camera cannot be had.
+/// Why a camera cannot be used.
 enum Problem {
-    /// No camera, or more than one, is the one that is meant; what was expected.
+    /// No camera, or more than one, matches; what was expected.
     Missing(String),
-    /// The camera does not have what was asked for; what was expected.
+    /// The camera does not have what was requested; what was expected.
     Asked(String),
     /// The device refused.
     Device(io::Error),
@@ -261,10 +261,10 @@ impl From<io::Error> for Problem {
     }
 }
 
-/// Finds, sets and starts a camera; what was negotiated and locked, in words and as values.
+/// Finds, sets and starts a camera; returns what was negotiated and locked, in words and as values.
 fn start(options: &Options) -> Result<(Open, locks::Facts, Settled), Problem> {
     let (cameras, refused) = cameras();
-    // A name that udev gave leads to the node.
+    // A name from udev is a link to the node.
     let path = fs::canonicalize(&options.camera).ok().filter(|_| options.camera.starts_with('/'));
     let wanted = path.map_or(options.camera.clone(), |path| path.display().to_string());
     let node = choose(&cameras, &wanted).map_err(|expected| match refused.as_slice() {
@@ -303,7 +303,7 @@ fn start(options: &Options) -> Result<(Open, locks::Facts, Settled), Problem> {
     Ok((Open { stream, kind, layout, heard_ns: now_ns(), last_sequence: None }, facts, settled))
 }
 
-/// Passes frames over until exposure and white balance have found their values.
+/// Skips frames until exposure and white balance have settled.
 fn settle(stream: &mut Stream) -> io::Result<()> {
     let until_ns = now_ns() + SETTLE_NS;
     let mut seen_count = 0;

@@ -1,4 +1,4 @@
-//! When the frames of a video were taken, as its container says, asked of the program `ffprobe`.
+//! Frame times of a video from its container, read by the program `ffprobe`.
 //!
 //! ```text
 //!   0.000 0.050 0.100 0.600 0.650   uneven: somebody measured them    -> each frame its own stamp, clock `container`
@@ -11,7 +11,7 @@ use slipbound::port::{Clock, FrameBuffer};
 use std::ffi::OsStr;
 use std::process::{Command, Stdio};
 
-/// Stamps this near to those of an even rate are even: Matroska rounds them to milliseconds.
+/// Stamps this close to those of an even rate count as even: Matroska rounds them to milliseconds.
 const EVEN_NS: u64 = 1_500_000;
 
 /// The times of a video's frames.
@@ -23,7 +23,7 @@ pub(super) struct VideoTimes {
 }
 
 impl VideoTimes {
-    /// Frames of a rate.
+    /// Frames at a constant rate.
     pub fn at(rate: Rate) -> Self {
         VideoTimes { rate: Some(rate), stamps_ns: Vec::new() }
     }
@@ -38,8 +38,8 @@ impl VideoTimes {
     }
 }
 
-/// Times and number of frames of what `input` names, as `ffprobe` tells them; nothing when it is not there or does not know. What is wrong
-/// with the file is left for `ffmpeg` to say.
+/// Frame times and number of frames of `input`, as `ffprobe` reports them; nothing if it is not installed or does not
+/// know. `ffmpeg` reports what is wrong with the file.
 pub(super) fn probe(input: &OsStr) -> (VideoTimes, Option<u64>) {
     let asked = Command::new("ffprobe")
         .args(["-v", "quiet", "-select_streams", "v:0"])
@@ -50,7 +50,7 @@ pub(super) fn probe(input: &OsStr) -> (VideoTimes, Option<u64>) {
     read(&asked.map(|o| String::from_utf8_lossy(&o.stdout).into_owned()).unwrap_or_default())
 }
 
-/// Reads lines of `key=value|key=value`: one a packet, and one of the stream.
+/// Reads lines of `key=value|key=value`: one per packet, and one for the stream.
 fn read(text: &str) -> (VideoTimes, Option<u64>) {
     let value = |line: &str, key: &str| {
         line.split('|').find_map(|field| field.trim().strip_prefix(key)?.strip_prefix('=').map(str::to_owned))

@@ -21,7 +21,7 @@ pub enum Error {
         /// The system's reason.
         source: io::Error,
     },
-    /// The link is lost; it is being made again.
+    /// The link is lost; it is being reconnected.
     #[error("{address}: the link is lost ({why}); the wrist pauses by itself, reconnecting")]
     Lost {
         /// Where.
@@ -29,7 +29,7 @@ pub enum Error {
         /// The system's reason.
         why: String,
     },
-    /// The link is there, but nothing comes through it.
+    /// The link is up, but nothing comes through it.
     #[error(
         "{address}: expected a sign of life every {expected_ms} ms, got none for {got_ms} ms; the wrist pauses by itself"
     )]
@@ -41,7 +41,7 @@ pub enum Error {
         /// Silence so far, ms.
         got_ms: u64,
     },
-    /// The link is up, and the wrist has not said yet where it is.
+    /// The link is up, but the wrist has not reported its position yet.
     #[error("{address}: expected a WRIST line that says where the wrist is, got none on this link yet")]
     Unstated {
         /// Where.
@@ -74,7 +74,7 @@ pub enum Error {
         address: String,
         /// The command.
         expected: String,
-        /// What it said.
+        /// Its answer.
         got: String,
     },
 }

@@ -1,4 +1,4 @@
-//! The driver of a wrist by the line protocol, a state machine told the time.
+//! The driver of a wrist by the line protocol, a state machine that receives the time.
 
 use super::error::Error;
 use crate::gripper::line::{Answer, VERSION, ask, number_of};
@@ -25,13 +25,13 @@ pub struct LineWrist {
     lines: Lines,
     outgoing: Vec<u8>,
     link: LinkHealth,
-    /// Of the last command sent.
+    /// Number of the last command sent.
     number: u64,
     /// The newest motion, not yet sent.
     next: Option<String>,
     in_flight: Option<InFlight<Command>>,
     state: Option<WristState>,
-    /// Whether it has ever said where it is, on whatever link.
+    /// Whether it has ever reported its position, on any link.
     has_stated: bool,
     fault: Option<Error>,
 }
@@ -53,7 +53,7 @@ impl LineWrist {
         }
     }
 
-    /// Whether the wrist has said where it is.
+    /// Whether the wrist has reported its position.
     pub fn is_stated(&self) -> bool {
         self.state.is_some()
     }
@@ -94,8 +94,8 @@ impl LineWrist {
         Ok(())
     }
 
-    /// The newest state since the link is up, or what is wrong; a refusal is reported once. Where it was before a new link says nothing
-    /// of where it is; before it has said so for the first time it stands at 0.
+    /// The newest state since the link is up, or what is wrong; a refusal is reported once. A position from before a
+    /// new link does not count; before the first report the position is 0.
     pub fn report(&mut self, now_ns: u64) -> Result<WristState, Error> {
         self.check_link(now_ns)?;
         if let Some(fault) = self.fault.take() {
@@ -151,7 +151,7 @@ impl LineWrist {
             Answer::Ack { number, words } => {
                 let Some(sent) = self.take_in_flight(number) else { return };
                 if sent.words != words {
-                    // It does something else than commanded: stop that.
+                    // It does not do what was commanded: stop it.
                     self.raise_refused(&sent.words, format!("`{words}` taken over instead"));
                     self.send(now_ns, "PAUSE".into());
                 }

@@ -5,7 +5,8 @@ use slipbound::port::{FrameBuffer, Next};
 use slipbound_rig::source;
 use std::fs;
 
-/// The same file with its chunks packed; from the summary on nothing is kept, as in a file that was cut off there.
+/// The same file with its chunks packed; everything from the summary on is dropped, as in a file that was cut off
+/// there.
 fn packed(whole: &[u8], name: &str, mut pack: impl FnMut(&[u8]) -> Vec<u8>) -> Vec<u8> {
     let (magic, mut rest) = whole.split_at(8);
     let mut out = magic.to_vec();
@@ -55,11 +56,11 @@ fn compressed_chunks_hold_the_same_and_damage_in_one_is_told() {
         fs::write(&part, &packed).expect("writes");
         let (seen, cut) = drain(shown);
         assert!(seen == judged && cut.is_some(), "{name}: {} of {}, {cut:?}", seen.len(), judged.len());
-        // A picture in the first chunk gets another byte: the chunk is told of, and those after it are read.
+        // An image in the first chunk gets another byte: the chunk is reported, and those after it are read.
         let mut is_first = true;
         let damaged = self::packed(&whole, name, |data| {
             let mut data = data.to_vec();
-            // A slow machine may have closed a chunk without a picture.
+            // A slow machine may have closed a chunk without an image.
             if let Some(at) = data.windows(2).position(|pair| pair == [0xFF, 0xD9]) {
                 data[at] ^= u8::from(std::mem::take(&mut is_first));
             }
@@ -91,7 +92,7 @@ fn compressed_chunks_hold_the_same_and_damage_in_one_is_told() {
     fs::write(&part, self::packed(&whole, "br", |data| data.to_vec())).expect("writes");
     let refused = source::open(shown).err().expect("no such").to_string();
     assert!(refused.contains("chunk 0: expected zstd, lz4 or no compression, got `br`"), "{refused}");
-    // What a head claims is checked: more than can be, and more than there is.
+    // The claims of a head are checked: more than is possible, and more than is present.
     for (claimed, expected) in
         [(u64::MAX, "chunk 0: expected at most 1073741824 bytes unpacked"), (1 << 29, "got its end")]
     {

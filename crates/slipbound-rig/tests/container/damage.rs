@@ -1,4 +1,4 @@
-//! Files that are cut off, never closed or damaged give what is whole in them, and say so.
+//! Files that are cut off, never closed or damaged return their intact part, and an error that says so.
 
 use crate::{Script, drain, jpeg, record};
 use proptest::prelude::*;
@@ -101,7 +101,8 @@ fn a_picture_whose_record_was_cut_off_has_its_own_number_and_time() {
     while tapped.next(&mut frame).expect("goes on") != Next::End {}
     recorder.finish().expect("closes");
     let whole = fs::read(&path).expect("reads");
-    // From where the third chunk ends on: in it is the record of the first frame, and the second frame, but not its record.
+    // From the end of the third chunk on: it holds the record of the first frame, and the second frame, but not its
+    // record.
     let mut lone_count = 0;
     for end in chunks_at(&whole).into_iter().skip(2).chain([whole.len()]) {
         fs::write(&path, &whole[..end]).expect("writes");
@@ -114,7 +115,7 @@ fn a_picture_whose_record_was_cut_off_has_its_own_number_and_time() {
     assert!(lone_count > 0, "no picture was without its record");
 }
 
-/// As a program leaves it that writes chunk by chunk and is killed: the head of the last one does not know its length yet.
+/// The file of a killed program that writes chunk by chunk: the head of the last chunk does not state its length yet.
 #[test]
 fn a_chunk_that_was_never_closed_ends_the_file_and_is_told_by_its_number() {
     let scratch = tempfile::tempdir().expect("a folder");
@@ -126,7 +127,7 @@ fn a_chunk_that_was_never_closed_ends_the_file_and_is_told_by_its_number() {
     for (number, &at) in chunks.iter().enumerate() {
         let mut killed = whole.clone();
         killed[at + 1..at + 9].copy_from_slice(&u64::MAX.to_le_bytes());
-        killed.truncate(at + 3000); // where the disk had got to
+        killed.truncate(at + 3000); // as far as the disk had got
         fs::write(&path, &killed).expect("writes");
         let shown = path.to_str().expect("UTF-8");
         let told = match source::open(shown) {

@@ -1,5 +1,5 @@
-//! Recordings in MCAP files: what is written is read again, judged frames alone, and a file that is cut or damaged as far
-//! as it goes.
+//! Recordings in MCAP files: what is written is read again, judged frames only; a cut or damaged file is read as far as
+//! possible.
 #![cfg(feature = "mcap")]
 
 mod compressed;
@@ -52,7 +52,7 @@ fn given(next: &Next, frame: &FrameBuffer) -> FrameFacts {
     (frame.seq, frame.time_ns, frame.clock, whole, if whole { sum } else { 0 })
 }
 
-/// Records so many frames, of which those are judged that `is_judged` says; what was judged.
+/// Records `count` frames, of which those selected by `is_judged` are judged; returns the judged ones.
 fn record(path: &Path, count: u64, is_judged: impl Fn(u64) -> bool) -> Vec<FrameFacts> {
     let recorder = Recorder::create(path, &["left".into()], true).expect("creates");
     let seqs: Vec<u64> = (0..count).rev().collect();
@@ -74,7 +74,7 @@ fn record(path: &Path, count: u64, is_judged: impl Fn(u64) -> bool) -> Vec<Frame
     judged
 }
 
-/// All that a file gives, until its end; the last element is why it was cut off.
+/// All frames of a file; the last element is why it was cut off.
 fn drain(path: &str) -> (Vec<FrameFacts>, Option<String>) {
     let mut source = source::open(path).expect("opens");
     let (mut frame, mut seen, mut cut) = (FrameBuffer::default(), Vec::new(), None);

@@ -1,4 +1,4 @@
-//! What is recorded comes back, and nothing that was there is lost.
+//! What is recorded is read back, and no older recording is lost.
 
 use crate::{Script, drain, record};
 use slipbound::image::SizePx;

@@ -1,4 +1,4 @@
-//! A driver and an emulator, joined by two byte queues. Time goes on only when both are empty: every run is the same,
+//! A driver and an emulator, joined by two byte queues. Time advances only when both are empty: every run is the same,
 //! and faster than real time.
 
 use slipbound::plant::Plant;
@@ -16,7 +16,7 @@ const STEP_NS: u64 = 2 * MS;
 /// Width of the block between the jaws, mm.
 pub const WIDTH_MM: f64 = 50.0;
 
-/// The two, and the block between the jaws.
+/// The driver, the emulator, and the block between the jaws.
 pub struct Bench {
     pub pair: Joined<Driver>,
     pub plant: Block,
@@ -112,7 +112,7 @@ impl Bench {
         }
     }
 
-    /// Steps until the state is as wanted; how many ms that took. Errors on the way count as not yet.
+    /// Steps until the state is as wanted; returns the time that took, ms. Errors on the way count as not yet.
     pub fn until(&mut self, most_ms: u64, wanted: impl Fn(&GripperState) -> bool) -> u64 {
         let from_ns = self.now_ns();
         while !self.state().is_ok_and(|state| wanted(&state)) {
@@ -123,7 +123,7 @@ impl Bench {
         (self.now_ns() - from_ns) / MS
     }
 
-    /// Runs until the driver tells an error.
+    /// Runs until the driver reports an error.
     pub fn until_error(&mut self, most_ms: u64) -> Error {
         let until_ns = self.now_ns() + most_ms * MS;
         loop {

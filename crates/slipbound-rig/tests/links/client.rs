@@ -1,11 +1,11 @@
-//! A client that sends to an emulator what it likes, as those of others do.
+//! A client that sends any bytes to an emulator, as third-party clients do.
 
 use crate::bench::MS;
 use slipbound::plant::Plant;
 use slipbound_rig::emulator::{Block, Emulator, by_name};
 use slipbound_rig::gripper::wsg50::frame;
 
-/// An emulator with a block of 50 mm between its jaws, and a client that says what it likes.
+/// An emulator with a block of 50 mm between its jaws, and a client that sends any bytes.
 pub struct Client {
     pub emulator: Emulator,
     pub block: Block,
@@ -20,7 +20,7 @@ impl Client {
         Client { emulator, block, now_ns: 0 }
     }
 
-    /// Says this, lets so many ms pass, and gives what was answered.
+    /// Sends these bytes, advances the time by `ms`, and returns the answer.
     pub fn say(&mut self, bytes: &[u8], ms: u64) -> Vec<u8> {
         self.emulator.receive(self.now_ns, bytes);
         for _ in 0..ms {
@@ -35,7 +35,7 @@ impl Client {
         String::from_utf8(self.say(format!("{text}\n").as_bytes(), ms)).expect("ASCII")
     }
 
-    /// Sends a frame; the status and the rest of every answer.
+    /// Sends a frame; returns the status and the rest of every answer.
     pub fn frame(&mut self, id: u8, payload: &[u8], ms: u64) -> Vec<(u8, u16, Vec<u8>)> {
         let mut bytes = Vec::new();
         frame::write(&mut bytes, id, payload);

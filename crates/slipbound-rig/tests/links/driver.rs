@@ -1,5 +1,4 @@
-//! What the driver of every gripper promises, whatever its protocol: shown with a protocol that only records what
-//! reaches it.
+//! What every driver guarantees, whatever its protocol: tested with a protocol that only records its calls.
 
 use crate::bench::{Bench, MS};
 use slipbound::port::{DriverEvent, GripCommand, Gripper, Jaws};
@@ -8,7 +7,7 @@ use slipbound_rig::gripper::{Driver, DriverState, Error, Protocol, Request};
 use slipbound_rig::link::Endpoint;
 use std::sync::{Arc, Mutex};
 
-/// Sends bytes whenever it may, takes the first byte received for its force, and records its commands.
+/// Sends bytes whenever it may, takes the first byte received as its force, and records its commands.
 #[derive(Default)]
 struct Recorder {
     commands: Arc<Mutex<Vec<GripCommand>>>,
@@ -59,7 +58,7 @@ impl Protocol for Recorder {
     }
 }
 
-/// Linked at time 0, with 20 N measured, and what its protocol was given.
+/// Linked at time 0, with 20 N measured; and the commands its protocol received.
 fn holding() -> (Driver<Recorder>, Arc<Mutex<Vec<GripCommand>>>) {
     let recorder = Recorder::default();
     let commands = recorder.commands.clone();

@@ -1,5 +1,5 @@
-//! What an emulator goes on holding when something breaks, and what the driver says meanwhile. The object is never
-//! let go: the least force of every run is looked at, not only the last.
+//! What an emulator keeps holding when something fails, and what the driver reports. The object is never dropped: the
+//! least force of every run is checked, not only the last.
 
 use crate::bench::{Bench, MS, config};
 use slipbound::port::{DriverEvent, Jaws};
@@ -15,7 +15,7 @@ fn holding(name: &str, faults: &str) -> Bench {
     Bench::holding(name, config(name), faults, force_n(name))
 }
 
-/// The force the block was pressed with never fell below what was asked for, less a step of the gripper.
+/// The force on the block never fell below the requested one, less a step of the gripper.
 fn assert_held(bench: &Bench, name: &str, what: &str) {
     assert!(bench.least_n > force_n(name) - 0.7, "{name}, {what}: {} N", bench.least_n);
 }
@@ -53,7 +53,7 @@ fn a_stalled_link_is_told_and_then_goes_on() {
         assert!(bench.now_ns() - from_ns <= 540 * MS, "{name}");
         bench.run(6000);
         assert_held(&bench, name, "stalled for 5 s");
-        while bench.state().is_err() {} // what was told late
+        while bench.state().is_err() {} // errors that are reported late
         assert_eq!(bench.state().expect("there").jaws, Jaws::Holding, "{name}");
     }
 }
@@ -62,7 +62,7 @@ fn a_stalled_link_is_told_and_then_goes_on() {
 fn a_half_open_link_is_told_and_the_force_stays() {
     for name in NAMES {
         let mut bench = holding(name, "");
-        bench.is_delivering = false; // bytes go nowhere, nobody says so
+        bench.is_delivering = false; // bytes are lost without an error
         let error = bench.until_error(700);
         assert!(matches!(error, Error::Silent { .. }), "{name}: {error}");
         bench.run(5000);
@@ -81,7 +81,7 @@ fn a_power_cycle_leaves_the_force_and_asks_for_home() {
         bench.run(500);
         assert_held(&bench, name, "power cycle");
         match name {
-            // These do not say, or do not know, that they have forgotten where their jaws are until they are told to move.
+            // These do not report that they must be homed until they are commanded to move.
             "gcl" | "line" => {}
             _ => assert!(matches!(bench.grip(60.0), Err(Error::NotHomed { .. })), "{name}"),
         }
@@ -136,7 +136,7 @@ fn our_own_fast_stop_is_acknowledged_if_the_settings_say_so_and_no_other() {
     assert_held(&bench, "wsg50", "fast stop");
 }
 
-/// A link that ended after a farewell has latched nothing; a fast stop long after it is somebody else's.
+/// A link that ended after a farewell has latched nothing; a fast stop long after it has another cause.
 #[test]
 fn a_fast_stop_of_somebody_else_is_not_acknowledged_because_a_link_was_lost_before() {
     let config = Config { acknowledge_own_fast_stop: true, ..config("wsg50") };

@@ -1,4 +1,5 @@
-//! Streams that the program `ffmpeg` reads, from an RTSP server that hangs up and falls silent. Without the program there is nothing to test.
+//! Streams that the program `ffmpeg` reads, from an RTSP server that hangs up and falls silent. Without the program
+//! there is nothing to test.
 
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use slipbound::image::SizePx;
@@ -15,16 +16,16 @@ const PERIOD: Duration = Duration::from_millis(33);
 /// Longest wait for anything, on a machine with other work.
 const LONGEST: Duration = Duration::from_secs(60);
 
-/// What the server does with a client after it asked for the pictures.
+/// What the server does with a client that has requested the images.
 #[derive(Clone, Copy)]
 enum Then {
-    /// Hangs up after so many.
+    /// Hangs up after this many images.
     HangsUp(usize),
-    /// Says nothing more after so many.
+    /// Sends nothing more after this many.
     FallsSilent(usize),
 }
 
-/// Serves clients one after the other, the last way again and again; the address of the stream.
+/// Serves clients one after the other, the last way again and again; returns the address of the stream.
 fn serve(ways: Vec<Then>) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let url = format!("rtsp://{}/gel", listener.local_addr().expect("bound"));
@@ -33,13 +34,13 @@ fn serve(ways: Vec<Then>) -> String {
         for n in 0.. {
             let Some(client) = clients.next() else { return };
             let way = ways[n.min(ways.len() - 1)];
-            let _ = play(client, way, 60 * n); // who hangs up has seen enough
+            let _ = play(client, way, 60 * n); // a client may hang up at any time
         }
     });
     url
 }
 
-/// The four requests of a client (RFC 2326), then pictures as RTP within the connection.
+/// The four requests of a client (RFC 2326), then images as RTP within the connection.
 fn play(mut client: TcpStream, way: Then, first: usize) -> std::io::Result<()> {
     let mut requests = BufReader::new(client.try_clone()?);
     loop {
@@ -78,12 +79,12 @@ fn play(mut client: TcpStream, way: Then, first: usize) -> std::io::Result<()> {
     Ok(())
 }
 
-/// How bright picture `n` is.
+/// Brightness of image `n`.
 fn level(n: usize) -> u8 {
     (40 + 3 * (n % 60)) as u8
 }
 
-/// Picture `n` in one RTP packet (RFC 2435: tables of quantisation in front, no tables of Huffman), in an interleaved frame of RTSP.
+/// Image `n` in one RTP packet (RFC 2435: quantisation tables first, no Huffman tables), in an interleaved RTSP frame.
 fn interleaved(n: usize) -> Vec<u8> {
     let mut jpeg = Vec::new();
     let mut encoder = Encoder::new(&mut jpeg, 90);
@@ -132,7 +133,7 @@ fn a_server_that_hangs_up_or_falls_silent_is_asked_again() {
     let Camera { mut source, tally, .. } = source::open_camera(&url).expect("opens");
     let mut frame = FrameBuffer::default();
     let (began, mut frames_count, mut last_ns) = (Instant::now(), 0, 0);
-    // Of each of the first servings the program looks at some to know what it is given, and shows none of these.
+    // From each of the first servings the program probes some images, and outputs none of these.
     while tally.counts().returns_count < 2 || frames_count < 60 {
         assert!(began.elapsed() < LONGEST, "{frames_count} frames, {:?}", tally.counts());
         let asked = Instant::now();
@@ -145,7 +146,7 @@ fn a_server_that_hangs_up_or_falls_silent_is_asked_again() {
                 assert!(frame.time_ns > Some(last_ns), "times grow");
                 (last_ns, frames_count) = (frame.time_ns.expect("a time"), frames_count + 1);
             }
-            // Never longer than a tenth of a second; starting a program anew takes its time on a busy machine.
+            // Never longer than a tenth of a second; restarting a program takes longer on a busy machine.
             Next::Silent => assert!(asked.elapsed() < Duration::from_secs(2), "{:?}", asked.elapsed()),
             Next::Torn { reason } => panic!("torn: {reason}"),
             Next::End => panic!("a live source has no end"),

@@ -1,4 +1,4 @@
-//! Commands that our drivers do not send and other clients do: what the emulators answer them.
+//! Commands that other clients send and our drivers do not, and the emulators' answers.
 
 use crate::bench::MS;
 use crate::client::{Client, modbus, numbers};
@@ -126,7 +126,8 @@ fn robotiq_met_by_a_part_on_the_way_says_so_and_takes_short_writes() {
     assert_eq!(client.say(&whole, 2000), modbus("09 10 03 E8 00 03"));
 }
 
-/// A gripper that sends values nobody here asked for is not called garbled, and real garbage is not told a hundred times.
+/// A gripper that sends unsolicited values is not reported as garbled, and real garbage is not reported a hundred
+/// times.
 #[test]
 fn a_driver_stays_quiet_about_what_others_asked_for() {
     use crate::bench::{config, driver};

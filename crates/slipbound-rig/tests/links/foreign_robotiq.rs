@@ -1,4 +1,4 @@
-//! What clients that others wrote expect of a 2F-85: each test is a fault that one of them has found.
+//! What third-party clients expect of a 2F-85: each test is a fault that one of them revealed.
 
 use crate::bench::{Bench, config};
 use crate::client::{Client, modbus};

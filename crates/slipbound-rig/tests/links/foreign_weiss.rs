@@ -1,4 +1,4 @@
-//! What clients that others wrote expect of a WSG-50, on either interface: each test is a fault that one has found.
+//! What third-party clients expect of a WSG-50, on either interface: each test is a fault that one of them revealed.
 
 use crate::bench::Bench;
 use crate::client::{Client, numbers};

@@ -90,7 +90,7 @@ fn nothing_a_lost_part_and_a_fast_stop_are_told() {
     assert!((bench.plant.force_n - 25.0).abs() < 0.1 && bench.least_n > 19.9, "{}", bench.least_n);
 }
 
-/// After a fast stop and its acknowledgement the gripper presses, and calls itself idle.
+/// After a fast stop and its acknowledgement the gripper presses, and reports itself idle.
 #[test]
 fn home_is_refused_while_something_is_pressed_whatever_the_gripper_says() {
     let mut bench = Bench::holding("gcl", config("gcl"), "fast-stop@4000", 20.0);
@@ -110,7 +110,7 @@ fn home_is_refused_while_something_is_pressed_whatever_the_gripper_says() {
     bench.request(Request::Home).expect("open jaws hold nothing");
 }
 
-/// A release is refused then, too: only home is left, once the gripper has said so.
+/// A release is refused then, too: only homing is left, once the gripper has said so.
 #[test]
 fn after_a_power_cycle_home_is_refused_until_the_gripper_asks_for_it() {
     let mut bench = Bench::holding("gcl", config("gcl"), "power-cycle@4000", 20.0);
@@ -203,7 +203,7 @@ fn a_fast_stop_is_not_blamed_on_a_link_that_was_lost_without_latching_one() {
     assert!(message.contains("our last link to it was cut"), "{message}");
 }
 
-/// A driver, and a gripper that says what it is told to say: its answers to questions are those of `state`.
+/// A driver, and a scripted gripper that answers questions from `state`.
 struct Scripted {
     driver: Driver,
     now_ns: u64,
@@ -214,7 +214,7 @@ struct Scripted {
 }
 
 impl Scripted {
-    /// 20 N were asked for, and GRIP was sent.
+    /// 20 N were requested, and GRIP was sent.
     fn gripping() -> Self {
         let mut driver = driver("gcl", config("gcl"));
         driver.linked(0);
@@ -234,7 +234,7 @@ impl Scripted {
         self.driver.receive(self.now_ns, format!("{line}\n").as_bytes());
     }
 
-    /// Answers questions for so many ms; whether a GRIP was among what was sent.
+    /// Answers questions for this many ms; returns whether a GRIP was among what was sent.
     fn run(&mut self, ms: u64) -> bool {
         let mut is_gripping = false;
         for _ in 0..ms.div_ceil(self.tick_ms) {
@@ -253,7 +253,7 @@ impl Scripted {
         is_gripping
     }
 
-    /// What the driver tells within so many ms, while questions are answered.
+    /// The error that the driver reports within this many ms, while questions are answered.
     fn error_within(&mut self, ms: u64) -> Option<String> {
         (0..ms).find_map(|_| {
             self.run(1);
@@ -295,7 +295,7 @@ fn a_grip_that_fails_says_its_reason_even_where_the_state_never_changes() {
     scripted.say("ERR GRIP 18");
     let error = scripted.error_within(700).expect("told");
     assert!(error.contains("status 18, command failed"), "{error}");
-    // However seldom the loop comes round.
+    // However slow the loop is.
     let mut scripted = Scripted { tick_ms: 7, ..Scripted::gripping() };
     scripted.state = 1;
     scripted.say("ACK GRIP");
@@ -315,7 +315,7 @@ fn a_grip_that_found_nothing_is_no_error_nor_one_that_our_own_stop_ended() {
     assert_eq!(scripted.error_within(1000), None);
     assert_eq!(scripted.driver.state(scripted.now_ns).expect("there").jaws, Jaws::Nothing);
 
-    // The end of what was stopped may be told before the answer to STOP, or after it.
+    // The end of the stopped motion may be reported before the answer to STOP, or after it.
     for answers in [["ERR GRIP 19", "ACK STOP"], ["ACK STOP", "ERR GRIP 19"]] {
         let mut scripted = Scripted::gripping();
         scripted.say("ACK GRIP");
@@ -334,7 +334,7 @@ fn a_grip_that_found_nothing_is_no_error_nor_one_that_our_own_stop_ended() {
     }
 }
 
-/// What was to follow a motion does not follow where the gripper has stopped itself on the way.
+/// A command that waits for the end of a motion is not sent if the gripper has stopped itself meanwhile.
 #[test]
 fn a_motion_that_ends_in_a_fast_stop_leaves_nothing_to_be_done() {
     let mut scripted = Scripted::gripping();

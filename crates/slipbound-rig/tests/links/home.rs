@@ -1,4 +1,4 @@
-//! Homing moves the jaws: no driver gives it while something is, or may be, between them.
+//! Homing moves the jaws: no driver sends it while something is, or may be, between them.
 
 use crate::bench::{Bench, config};
 use slipbound::port::Jaws;

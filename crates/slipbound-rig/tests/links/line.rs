@@ -202,7 +202,7 @@ fn motions_that_cannot_be_are_refused_here_or_there() {
     assert_eq!(arm.plant.angle_rad, 0.0);
 }
 
-/// The protocol leaves it to the other side what it tells of a gripper: here of the jaws alone.
+/// The protocol lets the other side choose what it reports of a gripper: here the jaws alone.
 fn run_terse(bench: &mut Bench, ms: u64) {
     bench.is_delivering = false;
     let until_ns = bench.now_ns() + ms * MS;

@@ -18,7 +18,7 @@ enum Step {
     Wait(u64),
 }
 
-/// Serves one script a connection, the last of them again and again, and returns the address of the stream.
+/// Serves one script per connection, the last one again and again, and returns the address of the stream.
 fn serve(scripts: Vec<Vec<Step>>) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let url = format!("http://{}/stream", listener.local_addr().expect("bound"));
@@ -27,7 +27,7 @@ fn serve(scripts: Vec<Vec<Step>>) -> String {
         let mut script = Vec::new();
         for socket in listener.incoming().flatten() {
             script = scripts.next().unwrap_or(script);
-            let _ = play(socket, &script); // who hangs up has seen enough
+            let _ = play(socket, &script); // a client may hang up at any time
         }
     });
     url
@@ -93,7 +93,7 @@ fn next(camera: &mut Camera, frame: &mut FrameBuffer) -> Next {
     }
 }
 
-/// What comes until this many whole frames have: first pixel of a frame, or why it is torn.
+/// The results until this many whole frames have come: first pixel of a frame, or why it is torn.
 fn drain(camera: &mut Camera, frames_count: usize) -> Vec<Result<u8, String>> {
     let (mut seen, mut frame): (Vec<Result<u8, String>>, _) = (Vec::new(), FrameBuffer::default());
     while seen.iter().filter(|next| next.is_ok()).count() < frames_count {
@@ -267,7 +267,7 @@ fn what_is_no_stream_is_refused_when_it_is_opened() {
     assert_eq!(refused(&format!("http://{nobody}/")).kind, SourceErrorKind::Disconnected);
 }
 
-/// The same picture as cameras send it that leave out the tables everybody knows.
+/// The same image as sent by cameras that leave out the standard tables.
 fn without_huffman_tables(jpeg: &[u8]) -> Vec<u8> {
     let mut bare = jpeg[..2].to_vec();
     let mut at = 2;

@@ -1,4 +1,4 @@
-//! Any bytes at any time: no panic, no force but those asked for, no motion that nobody asked for, bounded memory.
+//! Any bytes at any time: no panic, no force or motion that was not requested, bounded memory.
 //!
 //! A run has at least a million cases in all; `SLIPBOUND_NOISE_CASES=10000000` asks for ten. The cases of a seed are
 //! always the same; `SLIPBOUND_NOISE_SEED=2` asks for others.
@@ -15,7 +15,7 @@ use slipbound_rig::gripper::{Driver, Request};
 use slipbound_rig::link::Endpoint;
 use slipbound_rig::wrist::LineWrist;
 
-/// Tests below that draw cases, each its share of all.
+/// Number of tests below that draw cases, each its share of all.
 const TESTS_COUNT: u32 = 13;
 
 fn cases() -> u32 {
@@ -36,7 +36,7 @@ fn check<S: Strategy>(strategy: S, test: impl Fn(S::Value)) {
     }
 }
 
-/// A driver that knows its gripper to hold with 20 N, and has just been told to hold with 30 N; nothing yet sent.
+/// A driver that knows its gripper to hold with 20 N, and has just been commanded to hold with 30 N; nothing yet sent.
 fn holding(name: &str) -> Driver {
     let mut driver = driver(name, config(name));
     driver.linked(0);
@@ -71,7 +71,7 @@ fn holding(name: &str) -> Driver {
     driver
 }
 
-/// What must be true of a driver that was told to hold with 30 N, whatever it then heard.
+/// What must be true of a driver that was commanded to hold with 30 N, whatever it then received.
 fn is_sound(name: &str, driver: &mut Driver, now_ns: u64) {
     if let Ok(state) = driver.state(now_ns) {
         for number in [state.force_n, state.target_n, state.opening_mm].into_iter().flatten() {
@@ -115,7 +115,7 @@ fn assert_only_30_n(name: &str, outgoing: &[u8]) {
     }
 }
 
-/// Bytes of the alphabet that a protocol is made of, more likely to mean something than any bytes.
+/// Bytes of a protocol's alphabet, which form messages more often than random bytes.
 fn alphabet(name: &str) -> BoxedStrategy<Vec<u8>> {
     let likely: &'static [u8] = match name {
         "wsg50" => &[0xAA, 0xAA, 0xAA, 0, 2, 4, 6, 0x25, 0x32, 0x33, 0x40, 0x41, 0x43, 0x45, 26],
@@ -179,7 +179,7 @@ fn wrist_survives_any_bytes() {
     });
 }
 
-/// Whole messages with right checksums, and any content: the gripper is broken, not the line.
+/// Complete messages with right checksums and any content: the gripper is broken, not the line.
 #[test]
 fn wsg50_driver_survives_any_well_formed_frames() {
     let frames = proptest::collection::vec((any::<u8>(), proptest::collection::vec(any::<u8>(), 0..8)), 0..4);
@@ -196,7 +196,7 @@ fn wsg50_driver_survives_any_well_formed_frames() {
     });
 }
 
-/// An emulator that gets any bytes never presses, and says no more than it is asked for.
+/// An emulator that receives any bytes never presses, and sends no more than it is asked for.
 fn emulators_survive(name: &'static str) {
     check(alphabet(name), |bytes| {
         let mut emulator = by_name(name).expect("a name");
@@ -232,14 +232,14 @@ fn line_emulator_survives_any_bytes() {
     emulators_survive("line");
 }
 
-/// Bytes that say a force by themselves, as a WSG-50 sends them.
+/// Unsolicited bytes that state a force, as a WSG-50 sends them.
 fn force_frame(force_n: f32) -> Vec<u8> {
     let mut bytes = Vec::new();
     frame::write(&mut bytes, 0x45, &[&[0, 0], &force_n.to_le_bytes()[..]].concat());
     bytes
 }
 
-/// Of a frame with one byte changed nothing is believed: the state stays what it was.
+/// A frame with one changed byte is rejected: the state stays as it was.
 #[test]
 fn a_corrupted_force_frame_is_not_believed() {
     check((0..14usize, 1..=255u8, 0.0f32..80.0), |(place, change, force_n)| {
@@ -252,8 +252,8 @@ fn a_corrupted_force_frame_is_not_believed() {
     });
 }
 
-/// Two bytes changed anywhere are more than this checksum can always tell. That is the protocol's own limit, and TCP's
-/// checksum stands before it.
+/// This checksum does not detect every change of two bytes. That is the protocol's own limit, and TCP has its own
+/// checksum.
 #[test]
 fn of_two_corrupted_bytes_no_more_is_believed_than_the_checksum_lets_pass() {
     let (mut random, mut believed_count) = (1u64, 0);
@@ -271,8 +271,8 @@ fn of_two_corrupted_bytes_no_more_is_believed_than_the_checksum_lets_pass() {
     assert_eq!(believed_count, 118, "of a million");
 }
 
-/// Through a line that corrupts and loses a tenth of all answers the force asked for is reached all the same, and none
-/// but those asked for is ever pressed.
+/// Over a line that corrupts and loses a tenth of all answers, the requested force is still reached, and no other force
+/// is ever pressed.
 #[test]
 fn through_a_bad_line_only_forces_asked_for_are_pressed() {
     for name in NAMES {

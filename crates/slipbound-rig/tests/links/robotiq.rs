@@ -127,7 +127,7 @@ fn what_it_was_set_to_is_known_after_a_new_link_only_by_the_socket() {
     }
 }
 
-/// Too hot, and cool again: some faults end by themselves, and what the jaws do then nobody knows.
+/// Overheated, then cool again: some faults end by themselves, and the state of the jaws is then unknown.
 #[test]
 fn after_a_fault_that_ended_by_itself_the_same_force_is_sent_again() {
     for name in BOTH {

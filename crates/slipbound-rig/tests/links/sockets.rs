@@ -1,4 +1,4 @@
-//! Over real loopback sockets and a pseudo-terminal. Slow and few: what the protocols do is tested in lock-step.
+//! Over real loopback sockets and a pseudo-terminal. Slow and few: the protocols are tested in lock-step.
 
 use slipbound::plant::Plant;
 use slipbound::port::{DriverEvent, GripCommand, Gripper, GripperState, Jaws, WristCommand, WristMotion};
@@ -156,7 +156,7 @@ fn a_killed_server_is_told_and_a_new_one_found() {
 fn a_stall_of_5_s_is_told_within_600_ms_no_call_waits_and_the_force_stays() {
     let server = Server::new("wsg50", "stall=5000@4000");
     let mut device = holding(&server, "wsg50", 30.0);
-    // A farewell went before the link was given up: so no fast stop has latched when the gripper wakes.
+    // A farewell was sent before the link was given up, so no fast stop has latched when the gripper wakes.
     let mut longest = Duration::ZERO;
     let mut told = None;
     let from = Instant::now();

@@ -1,5 +1,4 @@
-//! What real grippers do and the first emulators did not: forces that read wrong, slow and broken answers, other words
-//! for the same.
+//! Behaviour of real grippers: wrong force readings, slow and broken answers, other words for the same.
 
 use crate::bench::{Bench, MS, config, driver};
 use slipbound::port::{DriverEvent, GripCommand, Jaws};
@@ -10,7 +9,7 @@ use slipbound_rig::gripper::wsg50::frame;
 use slipbound_rig::gripper::{Driver, Error, Request, Settled};
 use slipbound_rig::link::Endpoint;
 
-/// What a motor's current reads on open jaws is no object.
+/// The current that a motor reads on open jaws is not an object.
 #[test]
 fn an_idle_reading_on_open_jaws_blocks_no_grasp() {
     for name in ["wsg50", "gcl", "line"] {
@@ -29,7 +28,7 @@ fn an_idle_reading_on_open_jaws_blocks_no_grasp() {
     }
 }
 
-/// Jaws that were stopped press on, though the gripper does not say that it holds, whatever its force reads.
+/// Stopped jaws keep pressing, although the gripper does not report that it holds, whatever its force reads.
 #[test]
 fn what_was_held_before_a_fast_stop_is_not_loosened_whatever_the_force_reads() {
     for faults in ["fast-stop@4000", "fast-stop@4000,bias=3", "fast-stop@4000,bias=-3", "fast-stop@4000,noise=1"] {
@@ -160,7 +159,7 @@ fn a_robotiq_may_pause_within_an_answer_and_write_its_faults_in_any_way() {
                     "FOR" => "12",
                     _ => "255",
                 };
-                // A pause before the last digit, which makes another number of it, and one before the end.
+                // A pause before the last digit, which would make another number, and one before the end.
                 let line = format!("{name} {value}\n");
                 let cuts = [line.len() - 2, line.len() - 1];
                 for part in [&line[..cuts[0]], &line[cuts[0]..cuts[1]], &line[cuts[1]..]] {
@@ -184,7 +183,8 @@ fn a_robotiq_may_pause_within_an_answer_and_write_its_faults_in_any_way() {
     }
 }
 
-/// A gripper that ends its lines late: the whole answer, and its end 300 ms after. What is asked meanwhile it reads afterwards.
+/// A gripper that ends its lines late: the complete answer, and its end 300 ms later. It reads later questions
+/// afterwards.
 #[test]
 fn a_robotiq_may_pause_before_the_end_of_its_line_and_read_nothing_meanwhile() {
     let mut driver = driver("robotiq", config("robotiq"));
@@ -214,7 +214,8 @@ fn a_robotiq_may_pause_before_the_end_of_its_line_and_read_nothing_meanwhile() {
     assert_eq!(driver.state(6000 * MS).expect("known").jaws, Jaws::Open);
 }
 
-/// Jaws that are told to close between two questions have not arrived, and found nothing, because of what was asked before.
+/// Jaws commanded to close between two questions must not count as arrived, with nothing found, because of an earlier
+/// question.
 #[test]
 fn a_robotiq_that_is_told_to_close_between_two_questions_has_not_found_nothing() {
     for given_ms in 2000..2100u64 {
@@ -253,7 +254,7 @@ fn a_robotiq_that_is_told_to_close_between_two_questions_has_not_found_nothing()
     }
 }
 
-/// Values that nobody asked for, in one packet with an answer or by themselves, are passed over in silence.
+/// Unsolicited values, in one packet with an answer or alone, are ignored without an error.
 #[test]
 fn a_robotiq_may_say_more_than_was_asked() {
     let mut driver = driver("robotiq", config("robotiq"));
@@ -310,7 +311,8 @@ fn a_robotiqs_fault_in_hexadecimal_is_one_without_0x_too() {
     }
 }
 
-/// One notion of a settled force: noise of 0.3 N rms and more does not keep a grasp or a release from being done.
+/// One definition of a settled force: noise of 0.3 N rms and more does not prevent a grasp or a release from
+/// completing.
 #[test]
 fn grasp_and_release_settle_under_noise() {
     for noise_n in [0.0, 0.3, 1.0, 2.0] {

@@ -1,5 +1,5 @@
-//! A command whose answer is lost. The gripper may have taken it over or not: nothing may be believed of it, and the same force
-//! asked for once more is sent once more.
+//! A command whose answer is lost. The gripper may have accepted it or not: neither is assumed, and the same force is
+//! sent again when it is requested again.
 
 use crate::bench::{Bench, MS, config};
 use slipbound_rig::emulator::NAMES;
@@ -7,7 +7,7 @@ use slipbound_rig::gripper::config::{Config, Lowering};
 use slipbound_rig::gripper::{Error, Request};
 use slipbound_rig::link::Endpoint;
 
-/// What answers a new force, and how far it reaches: to the end of the line, or no further than these bytes.
+/// The answer to a new force, and how far it reaches: to the end of the line, or these bytes only.
 fn answer_to_force(name: &str) -> (&'static [u8], bool) {
     match name {
         "wsg50" => (&[0xAA, 0xAA, 0xAA, 0x32, 2, 0, 0, 0], false),
@@ -29,8 +29,8 @@ fn without_answers(name: &str, mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// Asks for a force, and loses every answer to it for so many ms; everything else comes through. What the driver then tells
-/// ends it sooner.
+/// Requests a force, and drops every answer to it for this many ms; everything else comes through. An error from the
+/// driver ends it sooner.
 fn lose_answers(bench: &mut Bench, name: &str, force_n: f64, most_ms: u64) -> Option<Error> {
     bench.is_delivering = false;
     bench.grip(force_n).expect("taken over");
@@ -121,7 +121,7 @@ fn after_a_link_that_took_the_answer_with_it_lowering_counts_from_the_higher_for
     assert!(pressed_n.iter().all(|force_n| *force_n > 58.0), "{NAMES:?}: {pressed_n:?} N");
 }
 
-/// The text interface forbids a new force while holding; the one it has stays one that may be asked for.
+/// The text interface forbids a new force while holding; its present force may still be requested.
 #[test]
 fn a_force_that_was_never_answered_and_then_is_denied_leaves_the_old_one_known() {
     let mut bench = Bench::holding("gcl", Config { lowering: Lowering::Allow, ..config("gcl") }, "", 20.0);

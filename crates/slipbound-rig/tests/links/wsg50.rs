@@ -46,7 +46,7 @@ fn a_block_is_grasped_held_by_steps_of_force_and_released() {
     let path = DriverEvent::ForcePath { path: "setting the force limit alone" };
     assert_eq!(bench.events.iter().filter(|event| **event == path).count(), 1, "{:?}", bench.events);
     for _ in 0..60 {
-        bench.release().expect("taken over"); // a controller says it anew with every frame
+        bench.release().expect("taken over"); // a controller repeats it with every frame
         bench.run(32);
     }
     assert!(bench.state().expect("there").opening_mm.is_some_and(|mm| mm > 99.9));
@@ -164,7 +164,7 @@ fn where_the_limit_has_no_effect_the_grasp_is_given_again() {
     bench.run(1500);
     assert!((bench.plant.force_n - 22.5).abs() < 0.1, "{}", bench.plant.force_n);
 
-    // Where neither way works that is told, and the force stays.
+    // If neither way works, that is reported, and the force stays.
     let mut bench = Bench::holding("wsg50", allowing(), "fixed-limit", 20.0);
     bench.grip(40.0).expect("taken over");
     let message = bench.until_error(2000).to_string();
@@ -352,7 +352,7 @@ fn an_unanswered_limit_is_sent_three_times_and_then_told() {
     assert_eq!(driver.state(2000 * MS).expect("there").target_n, Some(20.0));
 }
 
-/// A grasp that is refused, or that nobody answers, is not given again by itself, but with the same command once more.
+/// A grasp that is refused, or not answered, is not given again automatically, but when the same command comes again.
 #[test]
 fn a_grasp_that_was_not_accepted_is_given_again_when_it_is_asked_for_again() {
     for answer in [Some(14u16), Some(16), None] {
@@ -387,14 +387,14 @@ fn a_grasp_that_was_not_accepted_is_given_again_when_it_is_asked_for_again() {
         }
         assert!(errors.iter().any(|error| error.contains("grasp")), "{answer:?}: {errors:?}");
         driver.request(1500 * MS, command).expect("taken over");
-        // Where nobody answered, the limit is not known any more, and is set first.
+        // Without an answer the limit is not known any more, and is set first.
         tell(&mut driver, 1501, 0x32, &[0, 0]);
         driver.tick(1502 * MS);
         assert_eq!(sent(&mut driver), 2, "{answer:?}");
     }
 }
 
-/// The end of the grasp is lost on the way, but the states that come say that it holds, and the force follows.
+/// The end of the grasp is lost on the way, but the states report that it holds, and the force follows.
 #[test]
 fn where_the_end_of_a_grasp_is_lost_the_states_show_that_it_has_ended() {
     let mut driver = Driver::new("wsg50://hand", allowing(), Wsg50::default());
@@ -417,7 +417,7 @@ fn where_the_end_of_a_grasp_is_lost_the_states_show_that_it_has_ended() {
     assert_eq!(sent(&mut driver), [0x40, 0x41, 0x43, 0x45, 0x33]);
     driver.request(2 * MS, hold(20.0)).expect("taken over");
     assert_eq!(sent(&mut driver), [0x25]);
-    tell(&mut driver, 3, 0x25, &26u16.to_le_bytes()); // under way; its end never comes
+    tell(&mut driver, 3, 0x25, &26u16.to_le_bytes()); // in progress; its end never comes
     assert!(driver.is_busy());
     tell(&mut driver, 50, 0x41, &[0, 0, 4]);
     tell(&mut driver, 50, 0x45, &force(20.0));

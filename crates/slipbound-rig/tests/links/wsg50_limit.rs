@@ -9,8 +9,8 @@ fn allowing() -> Config {
     Config { lowering: Lowering::Allow, ..config("wsg50") }
 }
 
-/// The link stalls for so long that the limit is sent again. Both are answered, and the second answer comes when the next limit,
-/// which the gripper refuses, is on its way.
+/// The link stalls for so long that the limit is sent again. Both are answered, and the second answer comes while the
+/// next limit, which the gripper refuses, is in flight.
 #[test]
 fn the_second_answer_to_a_limit_that_was_sent_again_is_none_to_the_next_limit() {
     let beyond = Config { most_n: 200.0, ..allowing() };
@@ -32,7 +32,7 @@ fn the_second_answer_to_a_limit_that_was_sent_again_is_none_to_the_next_limit() 
     }
 }
 
-/// What is held was grasped by somebody else: no width is set here, so the grasp cannot be given again.
+/// The object was grasped by another program: no width is set here, so the grasp cannot be given again.
 #[test]
 fn without_a_width_a_force_that_does_not_follow_is_told_and_no_grasp_is_claimed() {
     let mut bench = Bench::holding("wsg50", allowing(), "fixed-limit,allow-regrasp", 20.0);

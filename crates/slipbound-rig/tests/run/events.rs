@@ -39,7 +39,7 @@ fn events_tell_what_happened() {
 
 #[test]
 fn a_slip_is_over_when_it_is_quiet_however_often_it_is_answered() {
-    // `x`: slips, `!`: slips and the controller answers, 33 ms a sign.
+    // `x`: slips, `!`: slips and the controller responds, 33 ms per character.
     for (course, expected) in [
         ("..!x........x.........", vec![(2, 33), (12, 0)]),
         ("..x.x...x......!......", vec![(2, 200), (15, 0)]),

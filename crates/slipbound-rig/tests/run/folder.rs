@@ -1,4 +1,4 @@
-//! What is read is what was written; what cannot be is refused by name.
+//! What is read equals what was written; what cannot be written is refused by name.
 
 use crate::{any_number, screw, written};
 use proptest::prelude::*;
@@ -45,7 +45,7 @@ proptest! {
     }
 }
 
-/// A line that says where its numbers are not finite, without the object they stand in.
+/// A line that lists numbers that are not finite, without the object that contains them.
 #[test]
 fn a_line_without_a_hand_is_refused_by_its_number() {
     for hand in ["3", "[1, null]", "null", "{\"seq\": -1}"] {
@@ -79,7 +79,7 @@ fn a_folder_that_holds_something_is_refused_by_name() {
     assert!(message.contains("expected a new or empty folder, got one that holds `thesis.tex`"), "{message}");
 }
 
-/// A name is that of its files as it is: two names are two files, and none lies outside the folder.
+/// A name is used unchanged for its files: two names are two files, and none is outside the folder.
 #[test]
 fn every_finger_has_files_of_its_own_name() {
     let folder = tempfile::tempdir().expect("a folder");

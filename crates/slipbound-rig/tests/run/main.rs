@@ -1,4 +1,4 @@
-//! A run folder: what is written comes back, its events tell what happened, and the page stands on its own.
+//! A run folder: what is written is read back, its events match what happened, and the page is self-contained.
 
 mod events;
 mod folder;

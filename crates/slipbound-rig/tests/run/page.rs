@@ -1,4 +1,4 @@
-//! The page of a run: whole in one file, true, and of bounded size.
+//! The page of a run: self-contained, correct, and of bounded size.
 
 use crate::{any_number, events, screw, written};
 use proptest::prelude::*;
@@ -11,7 +11,7 @@ use slipbound::task::Ending;
 use slipbound_rig::run::{Event, Row, RunFolder, RunInfo};
 use std::fs;
 
-/// The page of a run; with a picture of every finger at each slip.
+/// The page of a run; with an image of every finger at each slip.
 fn page(info: &RunInfo, cycles: &[Cycle]) -> (tempfile::TempDir, String) {
     let folder = tempfile::tempdir().expect("a folder");
     let mut run = RunFolder::create(folder.path(), info).expect("creates");
@@ -107,7 +107,7 @@ fn a_mark_stands_where_the_axis_says_its_time_is() {
 
 fn a_mark_stands_right(plot: roxmltree::Node<'_, '_>) {
     let number = |n: roxmltree::Node<'_, '_>, name| n.attribute(name).and_then(|x| x.parse::<f64>().ok());
-    // Labels of the time axis stand lowest of all texts that are numbers and not those of marks.
+    // Labels of the time axis are the lowest of all texts that are numbers and not those of marks.
     let texts = plot.descendants().filter(|n| n.has_tag_name("text") && n.attribute("text-anchor") == Some("middle"));
     let labels: Vec<(f64, f64)> =
         texts.filter_map(|n| Some((n.text()?.parse::<f64>().ok()?, number(n, "x")?))).collect();
@@ -144,7 +144,7 @@ fn names_from_outside_are_escaped() {
     assert!(run.picture(0, "../x", "", picture).is_err() && !folder.path().join("other/../slip_000_x.png").exists());
 }
 
-/// `hold` goes on until somebody ends it: its page is drawn from as much after a day as after minutes.
+/// `hold` goes on until it is ended: its page is drawn from as much data after a day as after minutes.
 #[test]
 fn the_page_of_a_long_run_is_no_larger_and_keeps_its_peak_its_slips_and_its_end() {
     let (one, info) = (screw::cycles()[150], screw::info());

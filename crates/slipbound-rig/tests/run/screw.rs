@@ -1,4 +1,4 @@
-//! A made-up run: a cap is screwed on for 10 s, and slips four times. No physics, only numbers of the right size.
+//! A made-up run: a cap is screwed on for 10 s, and slips four times. No physics, only plausible numbers.
 
 use slipbound::control::Cycle;
 use slipbound::events::{Sign, SlipEpisodes};

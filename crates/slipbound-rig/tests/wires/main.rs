@@ -1,11 +1,12 @@
-//! What drivers and emulators say to each other and to the loop, to the byte, as tables beside this file: scripts of commands against every
-//! protocol, with faults and without. A change that is meant is written anew by
+//! The exact bytes between drivers and emulators, and the drivers' reports to the loop, as tables beside this file:
+//! scripts of commands against every protocol, with faults and without. After an intended change the tables are written
+//! again by
 //!
 //! ```text
 //! REGENERATE=1 cargo test -p slipbound-rig --test wires
 //! ```
 //!
-//! Look at the difference before you commit it.
+//! Check the difference before you commit it.
 
 #[allow(dead_code)] // these tests use their part
 #[path = "../links/bench.rs"]
@@ -60,7 +61,7 @@ const SCRIPT: [(Do, u64); 16] = [
 const HEAD: &str = "ms: of the emulator's clock. pressed: force on the block, N. reads: what the driver says: jaws, opening in mm, force, target and stated error in N.\n\
     sent: bytes by the driver so far, and the sum of all that was sent, said and told.\n";
 
-/// A script against a pair, a row at each step and wherever what the driver says is another kind of thing.
+/// Runs a script against a pair: one row per step, and one wherever the kind of the driver's report changes.
 fn table(title: &str, name: &str, config: Config, faults: &str) -> String {
     let mut bench = Bench::new(name, config, faults);
     let (mut sum, mut text, mut shown) = (Checksum::new(), format!("\n{title}\n"), String::new());

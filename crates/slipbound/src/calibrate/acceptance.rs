@@ -11,7 +11,7 @@ use crate::pixels::dots::DotFinder;
 use crate::plane::Vec2;
 use std::collections::BTreeMap;
 
-/// Refuses a grid that may be a wrong one.
+/// Refuses a grid that may be wrong.
 pub(super) fn accept(grid: &Grid, dots_count: usize, grey: &[u8], camera_px: SizePx) -> Result<(), CalibrationError> {
     let markers_count = grid.dots.len();
     if markers_count < FEWEST_MARKERS {
@@ -38,14 +38,14 @@ pub(super) fn accept(grid: &Grid, dots_count: usize, grey: &[u8], camera_px: Siz
     }
     let off_grid_count = grid.off_grid.len() + residuals.len() - on_grid.len();
     if (on_grid.len() as f64) < FEWEST_ON_GRID * (on_grid.len() + off_grid_count) as f64 {
-        // A few of many dots stand as on a grid by chance: that is no grid with glare in it.
+        // A few of many dots are on a grid by chance: that is not a grid with glare in it.
         let on_grid_count = on_grid.len();
         if on_grid_count < FEWEST_MARKERS || 2 * on_grid_count < dots_count {
             return Err(CalibrationError::NoGrid { dots_count: dots_count.max(on_grid_count), on_grid_count });
         }
         return Err(CalibrationError::Strays { markers_count: on_grid_count, off_grid_count });
     }
-    // Homography and the terms of the polynomial that are not linear, for each axis.
+    // Per axis: homography and the nonlinear terms of the polynomial.
     let parameters = 4.0 + grid.map.distortion.map_or(0.0, |d| d.terms_px().0.len() as f64 - 3.0);
     let error_pitch = rms_pitch * (parameters / markers_count as f64).sqrt();
     if error_pitch > WORST_ERROR_PITCH {
@@ -58,7 +58,7 @@ pub(super) fn accept(grid: &Grid, dots_count: usize, grey: &[u8], camera_px: Siz
     Ok(())
 }
 
-/// Nodes between the first and the last marker of their row and of their column.
+/// Number of nodes between the first and the last marker of their row.
 fn within_outline(grid: &Grid) -> usize {
     let rows = grid.dots.keys().fold(BTreeMap::new(), |mut rows, (i, j)| {
         let span = rows.entry(*j).or_insert((*i, *i));
@@ -68,7 +68,7 @@ fn within_outline(grid: &Grid) -> usize {
     rows.values().map(|(low, high)| (high - low + 1) as usize).sum()
 }
 
-/// Dots as strong as the markers in the middle of a cell or of its sides.
+/// Number of dots in the middle of a cell or of its sides with at least half the median contrast of the markers.
 fn between(grid: &Grid, grey: &[u8], camera_px: SizePx) -> usize {
     let (rectified, table) = grid.rectified(grey, camera_px);
     let size = table.out_size();

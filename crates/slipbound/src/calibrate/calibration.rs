@@ -22,18 +22,18 @@ pub struct Calibration {
     pub sensor: Sensor,
     /// Every marker on the grid, column by column.
     pub markers: Vec<GridMarker>,
-    /// Spots near a node that are off the grid: glare, dirt, a dot printed twice. Neither the map nor the residual counts
-    /// them.
+    /// Spots near a node that are off the grid: glare, dirt, a dot printed twice. They count neither for the map nor
+    /// for the residual.
     pub off_grid: Vec<GridMarker>,
     /// RMS of the residuals of all markers, in pitches.
     pub residual_pitch: f64,
     /// The same with a homography alone.
     pub residual_without_distortion_pitch: f64,
-    /// Places in the list of frames that were averaged, first and last.
+    /// Indices of the averaged frames, first and last.
     pub averaged: [usize; 2],
     /// Whether the averaged frames look untouched.
     pub untouched: bool,
-    /// The averaged picture as delivered, bytes red, green, blue.
+    /// The averaged image as delivered, bytes red, green, blue.
     pub mean_rgb: Vec<u8>,
 }
 

@@ -1,15 +1,15 @@
-//! How red, green and blue are weighted so that markers stand out: Fisher's discriminant, without negative weights.
+//! Weights of red, green and blue that make markers stand out: Fisher's discriminant, without negative weights.
 //!
-//! The marker's contrast m against its surroundings is the same everywhere in a good grey; what varies is noise: the
-//! texture round the markers, and the contrast itself where one colour of light does not reach. The weights maximise
-//! `(w . m)^2 / (w . S w)`, S the sum of both spreads.
+//! In a good grey image, the contrast m of the markers against their surroundings is the same everywhere. Variation is
+//! noise: the texture around the markers, and the contrast itself where one colour of light does not reach. The weights
+//! maximise `(w . m)^2 / (w . S w)`, S the sum of both covariances.
 
 use crate::pixels::patch::DotColours;
 use crate::sensor::Polarity;
 
-/// Part of S that is the same for all channels: noise of the camera that an average over frames has hidden, levels squared.
+/// Part of S that is equal for all channels: camera noise that averaging over frames has hidden, levels squared.
 const NOISE_LEVELS_SQUARED: f64 = 4.0;
-/// Weights are written to this many parts of 1.
+/// Weights are rounded to this many parts of 1.
 const PARTS: f64 = 100.0;
 
 /// Weights of red, green and blue, at least 0, together 1. Equal ones when no channel shows the markers.
@@ -28,7 +28,7 @@ pub(super) fn grey_weights(dots: &[DotColours], polarity: Polarity) -> [f64; 3] 
         let noise: f64 = (0..3).map(|i| (0..3).map(|j| w[i] * s[i][j] * w[j]).sum::<f64>()).sum();
         if signal > 0.0 { signal * signal / noise } else { 0.0 }
     };
-    // Three numbers: every mixture in steps of a fiftieth is tried.
+    // Exhaustive search over mixtures in steps of a fiftieth.
     let mut best = ([1.0 / 3.0; 3], 0.0);
     for red in 0..=50 {
         for green in 0..=50 - red {

@@ -1,4 +1,4 @@
-//! Where the skin is damaged: places that stand out of the rectified picture at rest and are no markers.
+//! Damaged skin: places that stand out in the rectified image at rest and are not markers.
 
 use super::grid::Grid;
 use crate::image::Mask;
@@ -26,12 +26,12 @@ pub(super) fn find(rectified: &[u8], table: &WarpTable, grid: &Grid) -> Vec<[usi
     far_from(rectified, &background, DEEP_LEVELS, &mut differs);
     let mut morphology = Morphology::new(size);
     let wide = (WIDE_PITCH * grid.pitch_px).round().max(2.0) as usize;
-    // What the camera does not see, and the rim of it, which the background pulls down.
+    // Left out: what the camera does not see, and its rim, where the background is too low.
     let mut seen = Mask::new(size);
     let rim = (0.6 * grid.pitch_px).round() as usize * 2 + 1;
     morphology.erode(table.valid(), &Element::rect(rim, rim), &mut seen);
     differs.words_mut().iter_mut().zip(seen.words()).for_each(|(d, s)| *d &= s);
-    // Markers, doubles among them, and the light halo that the background leaves around them.
+    // Left out: markers, doubled ones too, and the light halo that the background leaves around them.
     let mut finder = DotFinder::new(size, grid.diameter_px, grid.pitch_px, grid.polarity);
     let radius_px = 0.5 * grid.diameter_px + 0.2 * grid.pitch_px;
     let spots = finder.run(rectified, 4.0).iter().map(|s| s.position);

@@ -8,21 +8,21 @@ use std::fmt;
 pub const FEWEST_MARKERS: usize = 16;
 /// Fewest columns, and rows.
 pub(super) const FEWEST_LINES: i32 = 3;
-/// The largest residual of half of the markers at which the map is accepted, in pitches.
+/// Largest accepted median residual, in pitches.
 pub(super) const WORST_MEDIAN_PITCH: f64 = 0.08;
-/// The largest RMS residual.
+/// Largest accepted RMS residual.
 pub(super) const WORST_RMS_PITCH: f64 = 0.15;
-/// The largest expected error of the map: residual times the root of parameters per marker. This and the residual keep
-/// dots without order out: those found near nodes by chance are some 0.15 pitch off, a fit of p parameters an axis to n of
-/// them leaves 0.15 sqrt(1 - p/n), and 0.15 sqrt(p/n (1 - p/n)) is above this bar for all p/n from 0.02 to 0.98; below,
-/// the residual is above its own.
+/// Largest accepted expected error of the map: residual times the root of parameters per marker. Together with the
+/// residual limit, it rejects random dots. Dots near nodes by chance are about 0.15 pitch off; a fit of p parameters
+/// per axis to n of them leaves 0.15 sqrt(1 - p/n). The expected error 0.15 sqrt(p/n (1 - p/n)) exceeds this limit for
+/// all p/n from 0.02 to 0.98; below, the residual exceeds its own.
 pub(super) const WORST_ERROR_PITCH: f64 = 0.02;
-/// Fewest of the spots near nodes that must lie on the grid, as a share. With 0.75 of a small grid a map was wrong by a
-/// seventh of a pitch; right ones had 0.84 and more.
+/// Least share of the spots near nodes that must lie on the grid. With 0.75 of a small grid, a map was wrong by a
+/// seventh of a pitch; correct ones had 0.84 and more.
 pub(super) const FEWEST_ON_GRID: f64 = 0.8;
-/// Fewest nodes inside the outline of the grid that must have a marker, as a share.
+/// Least share of the nodes inside the outline of the grid that must have a marker.
 pub(super) const FEWEST_FILLED: f64 = 0.5;
-/// A second grid in the gaps of the first is there when it has this share of as many spots.
+/// More spots in the gaps than this share of the markers are a second grid.
 pub(super) const SECOND_GRID_RATIO: f64 = 0.5;
 
 /// Why a finger cannot be calibrated.
@@ -30,24 +30,24 @@ pub(super) const SECOND_GRID_RATIO: f64 = 0.5;
 pub enum CalibrationError {
     /// No frame was given, or all are dark.
     NoPicture {
-        /// Frames looked at.
+        /// Frames examined.
         frames_count: usize,
     },
     /// The frames differ in size.
     Sizes {
-        /// That of the first.
+        /// Size of the first.
         expected: SizePx,
-        /// That of another.
+        /// Size of another.
         got: SizePx,
     },
-    /// Dots on no grid, or none.
+    /// No dots, or dots on no grid.
     NoGrid {
         /// Dots of the most promising size.
         dots_count: usize,
         /// Those of them on a grid.
         on_grid_count: usize,
     },
-    /// A grid too narrow to fix a map.
+    /// The grid is too narrow to determine a map.
     Narrow {
         /// Columns and rows found.
         got: [i32; 2],
@@ -68,11 +68,11 @@ pub enum CalibrationError {
         /// Markers on its nodes.
         markers_count: usize,
     },
-    /// The markers do not lie on what homography and polynomial can do.
+    /// Homography and polynomial do not fit the markers.
     Residual {
-        /// Half of the markers are further away than this, in pitches.
+        /// Median residual, in pitches.
         median_pitch: f64,
-        /// RMS, in pitches.
+        /// RMS residual, in pitches.
         rms_pitch: f64,
     },
     /// Too many spots near nodes are off the grid.
@@ -82,16 +82,16 @@ pub enum CalibrationError {
         /// Spots near its nodes that are off it.
         off_grid_count: usize,
     },
-    /// Too few markers for the scatter they have.
+    /// Too few markers for their scatter.
     Uncertain {
         /// Expected error of the map, in pitches.
         error_pitch: f64,
-        /// Markers there are.
+        /// Markers found on the grid.
         markers_count: usize,
         /// Their RMS residual, in pitches.
         rms_pitch: f64,
     },
-    /// A fact came out that a sensor cannot have.
+    /// A resulting fact is invalid for a sensor.
     Fact(SettingError),
 }
 

@@ -9,26 +9,26 @@ use crate::pixels::patch::dot_colours;
 use crate::plane::{Homography, Vec2};
 use crate::sensor::{EdgeBand, Flip, Polarity, Rectification, Sensor, Skin};
 
-/// What a picture of markers does not show about a finger and the user has to state.
+/// Facts about a finger that an image of its markers does not show and the user has to state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KnownFacts {
     /// The name of the kind of finger.
     pub name: String,
-    /// What is behind the numbers.
+    /// Where the numbers come from.
     pub description: String,
     /// Serial number of this one finger.
     pub serial: Option<String>,
     /// Distance between neighbouring markers on the gel in mm.
     pub pitch_mm: Option<f64>,
-    /// A mirror image looks like a grid, too.
+    /// How the camera mirrors its image: a mirrored grid still looks like a grid.
     pub flip: Flip,
-    /// The weave of a fabric shows only where it is pressed.
+    /// The skin: the weave of a fabric is visible only where it is pressed.
     pub skin: Skin,
-    /// Dark or bright; None: found.
+    /// Dark or bright; None: to be detected.
     pub polarity: Option<Polarity>,
 }
 
-/// A point of the upright image in the image as delivered, and back.
+/// Converts a point of the upright image to the image as delivered, or back.
 pub(super) fn mirrored(p: Vec2, flip: Flip, size: SizePx) -> Vec2 {
     let (right, bottom) = ((size.width - 1) as f64, (size.height - 1) as f64);
     let x = if matches!(flip, Flip::Horizontal | Flip::Both) { right - p.x } else { p.x };
@@ -36,7 +36,7 @@ pub(super) fn mirrored(p: Vec2, flip: Flip, size: SizePx) -> Vec2 {
     Vec2::new(x, y)
 }
 
-/// Grey weights that set the markers off best against the gel around them.
+/// Grey weights that make the markers stand out best against the gel around them.
 pub(super) fn grey_weights(image: Rgb<'_>, grid: &Grid, flip: Flip) -> [f64; 3] {
     let dots = grid.dots.iter().filter_map(|(node, dot)| {
         let scale = grid.map.scale_at(grid.plane(*node));
@@ -50,7 +50,7 @@ pub(super) fn grey_weights(image: Rgb<'_>, grid: &Grid, flip: Flip) -> [f64; 3] 
 /// Canny's thresholds of the paper's first finger, until others are set.
 const EDGE_LEVELS: (u16, u16) = (90, 120);
 
-/// The sensor, without what is measured on the rectified picture afterwards.
+/// The sensor, without what is measured on the rectified image later.
 pub(super) fn sensor(grid: &Grid, grey_weights_rgb: [f64; 3], image_px: SizePx, known: &KnownFacts) -> Sensor {
     let size = grid.size();
     let homography = grid.map.camera_from_plane.inverse().map(scaled_to_one).unwrap_or(Homography::IDENTITY);
@@ -83,8 +83,8 @@ pub(super) fn sensor(grid: &Grid, grey_weights_rgb: [f64; 3], image_px: SizePx, 
     }
 }
 
-/// How sharp the untouched finger looks, as the monitor measures it: single frames, for it looks at those, too, and the noise in
-/// them counts where the gel shows little; or their mean where that is sharper.
+/// Sharpness of the untouched finger as the monitor measures it: the median of single frames, which the monitor
+/// examines, too (their noise counts where the gel shows little), or that of their mean if it is sharper.
 pub(super) fn bare_sharpness(sensor: &Sensor, frames: &[Frame<'_>], mean_rgb: &[u8]) -> Option<f64> {
     let mut builder = RestBuilder::new(sensor, &Settings::default(), sensor.image_px).ok()?;
     let pixels = Pixels::Rgb(Rgb::new(mean_rgb, sensor.image_px).ok()?);

@@ -1,15 +1,15 @@
-//! Indexed dots -> the map from the plane of the gel to the camera: homography, and a polynomial where it pays.
+//! Indexed dots -> the map from the plane of the gel to the camera: homography, and a polynomial if needed.
 //!
 //! ```text
 //!   plane p = pitch (i, j) + margin --p + d(p)--> --M--> camera px        minimised: camera px, robustly
 //! ```
-//! The degree of d (none, 3, 5) is the lowest whose error on dots left out of the fit is not clearly beaten.
+//! A higher degree of d (none, 3, 5) is chosen only if it clearly reduces the error on held-out dots.
 
 use super::solve::Normal;
 use crate::plane::{Homography, Vec2};
 use crate::sensor::{Distortion, MOST_TERMS};
 
-/// A dot and the point of the plane it stands for.
+/// A dot and its point in the plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Pair {
     /// px of the plane of the gel.
@@ -30,7 +30,7 @@ impl PlaneMap {
         self.camera_from_plane.apply(self.distortion.map_or(p, |d| p + d.displacement_px(p)))
     }
 
-    /// Camera px by which a step of one plane px along x and along y leads.
+    /// Camera px per step of one plane px along x and along y.
     fn slopes(&self, p: Vec2) -> (Vec2, Vec2) {
         let slope = |by: Vec2| self.apply(p + by * 0.5) - self.apply(p - by * 0.5);
         (slope(Vec2::new(1.0, 0.0)), slope(Vec2::new(0.0, 1.0)))
@@ -42,7 +42,7 @@ impl PlaneMap {
         along.cross(across).sqrt()
     }
 
-    /// Where in the plane a dot seems to be, from the point it stands for, to first order.
+    /// Offset of a dot from its point, in plane px, to first order.
     pub fn offset_px(&self, pair: &Pair) -> Vec2 {
         let (along, across) = self.slopes(pair.plane);
         let by = pair.seen - self.apply(pair.plane);
@@ -55,21 +55,21 @@ impl PlaneMap {
     }
 }
 
-/// Rounds of Gauss-Newton, at most and at least; it ends sooner when a round changes no dot's miss by so much, in plane px.
+/// Most and fewest Gauss-Newton rounds; it stops early when no residual changes by this much, in plane px.
 const ROUNDS_COUNT: usize = 12;
 const LEAST_ROUNDS_COUNT: usize = 5;
 const STILL_PX: f64 = 1e-6;
-/// Keeps apart what homography and polynomial can both do; small enough not to bend the answer.
+/// Separates homography and polynomial where both fit the same; too small to bias the result.
 const DAMPING: f64 = 1e-7;
 /// Residuals are weighted down beyond this many robust standard deviations (Geman and McClure).
 const ROBUST_SIGMAS: f64 = 3.0;
 /// A residual below this share of the pitch is never weighted down.
 const ALWAYS_GOOD_PITCH: f64 = 0.03;
-/// Parts the dots are divided into to try a degree on what it was not fitted to.
+/// Folds of the cross-validation that chooses the degree.
 const FOLDS_COUNT: usize = 5;
-/// A higher degree must bring the error on left-out dots below this share of the lower one's.
+/// A higher degree must reduce the error on held-out dots below this share of the lower one's.
 const PAYS_RATIO: f64 = 0.9;
-/// An error on a left-out dot counts no more than this many pitches: a doubled dot says nothing about the degree.
+/// Largest error counted for a held-out dot, in pitches: a doubled dot carries no information about the degree.
 const CAPPED_PITCH: f64 = 0.1;
 
 /// The homography between point sets by normalised direct linear transformation. None for fewer than 4 or degenerate points.
@@ -92,7 +92,7 @@ pub(super) fn scaled_to_one(h: Homography) -> Homography {
     Homography(h.0.map(|row| row.map(|v| v / h.0[2][2])))
 }
 
-/// Moves the mean to the origin and the mean distance from it to the root of 2.
+/// Shifts the mean to the origin and scales the mean distance from it to the root of 2.
 fn normalisation(points: impl Iterator<Item = Vec2> + Clone) -> Option<Homography> {
     let count = points.clone().count() as f64;
     let sum = points.clone().fold(Vec2::ZERO, |a, b| a + b);
@@ -110,7 +110,7 @@ pub(super) fn fit(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<PlaneM
     let mut map = PlaneMap { camera_from_plane: homography(pairs)?, distortion: None };
     let (low, high) = bounds(pairs.iter().map(|p| p.plane));
     let (centre, span) = ((low + high) * 0.5, (high - low) * 0.5);
-    // What is linear in d the homography does.
+    // The homography covers the linear terms of d.
     let bent = 3..Distortion::terms_count(degree).max(3);
     let mut d = [[0.0; MOST_TERMS]; 2];
     let n = 8 + 2 * bent.len();
@@ -118,7 +118,7 @@ pub(super) fn fit(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<PlaneM
     let mut before: Vec<f64> = Vec::new();
     for round in 0..ROUNDS_COUNT {
         let residuals: Vec<f64> = pairs.iter().map(|p| map.residual_px(p)).collect();
-        // Not before the weights have had their say; what is not a number does not stand still.
+        // Not before the weights have taken effect; NaN never counts as converged.
         let still = || residuals.iter().zip(&before).all(|(now, before)| (now - before).abs() < STILL_PX);
         if round > LEAST_ROUNDS_COUNT && still() {
             break;
@@ -126,7 +126,7 @@ pub(super) fn fit(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<PlaneM
         let scale = (ROBUST_SIGMAS * robust_sigma(&residuals)).max(ALWAYS_GOOD_PITCH * pitch_px);
         let mut normal = Normal::new(n);
         for (pair, miss) in pairs.iter().zip(&residuals) {
-            // All dots alike until the shape is roughly right: lens distortion is no outlier.
+            // Equal weights until the shape is roughly right: lens distortion is no outlier.
             let t = if round < 3 { 1.0 } else { 1.0 + miss * miss / (scale * scale) };
             let weight = 1.0 / (t * t);
             let monomials = Distortion::monomials(centre, span, degree, pair.plane);
@@ -152,7 +152,7 @@ pub(super) fn fit(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<PlaneM
                 normal.add(out, r, weight);
             }
         }
-        // (u2, uv) and (uv, v2) are what the perspective of the homography does, to first order: leave it that.
+        // (u2, uv) and (uv, v2) equal the perspective of the homography, to first order: they are left to it.
         let place = |axis: usize, term: usize| 8 + 2 * (term - bent.start) + axis;
         for (x_term, y_term) in [(3, 4), (4, 5)].into_iter().take(if degree > 0 { 2 } else { 0 }) {
             row[0].fill(0.0);
@@ -181,7 +181,7 @@ fn displaced(d: &[[f64; MOST_TERMS]; 2], monomials: &[f64; MOST_TERMS]) -> Vec2 
     Vec2::new(sum(&d[0]), sum(&d[1]))
 }
 
-/// The map with as much of a polynomial as pays.
+/// The map with the degree of polynomial that the held-out dots justify.
 pub(super) fn fit_as_needed(pairs: &[Pair], pitch_px: f64) -> Option<PlaneMap> {
     let mut best = (fit(pairs, 0, pitch_px)?, left_out_error_px(pairs, 0, pitch_px)?);
     for degree in [3, 5] {
@@ -192,7 +192,7 @@ pub(super) fn fit_as_needed(pairs: &[Pair], pitch_px: f64) -> Option<PlaneMap> {
         else {
             continue;
         };
-        // Where it folds the scale is no number.
+        // The scale is NaN where the map folds.
         let folds = pairs.iter().any(|p| map.scale_at(p.plane).is_nan());
         if error < PAYS_RATIO * best.1 && !folds {
             best = (map, error);
@@ -201,7 +201,7 @@ pub(super) fn fit_as_needed(pairs: &[Pair], pitch_px: f64) -> Option<PlaneMap> {
     Some(best.0)
 }
 
-/// RMS miss, in plane px, of dots left out of the fit.
+/// RMS residual of held-out dots, in plane px.
 fn left_out_error_px(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<f64> {
     let most = CAPPED_PITCH * pitch_px;
     let mut sum = 0.0;
@@ -219,12 +219,12 @@ fn left_out_error_px(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<f64
     Some((sum / pairs.len() as f64).sqrt())
 }
 
-/// Which part a dot belongs to: scattered, so that a part is no row or column of the grid.
+/// Fold of a dot: scattered, so that a fold is no row or column of the grid.
 fn fold_of(i: usize) -> usize {
     ((i as u32).wrapping_mul(2_654_435_761) >> 16) as usize % FOLDS_COUNT
 }
 
-/// The standard deviation that a normal distribution in two dimensions with this median length has along each axis.
+/// The standard deviation per axis of a two-dimensional normal distribution with this median length.
 pub(super) fn robust_sigma(lengths: &[f64]) -> f64 {
     median(lengths) / 1.177
 }

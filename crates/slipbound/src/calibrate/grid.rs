@@ -1,8 +1,8 @@
-//! The grid refined: dots are found again in the rectified picture, where they are round and evenly spaced, and the
-//! map is fitted again to where they are.
+//! Refinement of the grid: dots are detected again in the rectified image, where they are round and evenly spaced, and
+//! the map is fitted to them again.
 //!
 //! ```text
-//!   rough grid --fit--> map --> rectified picture --spots, edge pull--> dots --fit--> map ... three times
+//!   rough grid --fit--> map --> rectified image --spots, edge pull--> dots --fit--> map ... three times
 //! ```
 
 use super::fit::{Pair, PlaneMap, bounds, fit_as_needed, homography, median, robust_sigma};
@@ -18,44 +18,44 @@ use std::collections::BTreeMap;
 
 /// The rectified image ends this far beyond the outermost markers, in pitches.
 pub(super) const MARGIN_PITCH: f64 = 0.75;
-/// Rounds of finding and fitting.
+/// Rounds of detection and fitting.
 const ROUNDS_COUNT: usize = 3;
-/// A dot lies this near to its node, in pitches: first, and once the map is good.
+/// Largest distance of a dot from its node, in pitches: in the first round, and later, when the map is good.
 const NEAR_PITCH: (f64, f64) = (0.3, 0.22);
 /// A dot has at least this share of the median contrast of the dots around it.
 const WEAKEST_RATIO: f64 = 0.3;
 /// Weakest contrast of a dot.
 const LEAST_LEVELS: f32 = 2.0;
-/// Nodes so near count as around.
+/// Nodes within this many steps are neighbours.
 const AROUND: i32 = 2;
 
-/// A spot is off the grid when it leaves both the map and the spots around it by more than this many standard deviations
-/// of such differences over the whole grid,
+/// A spot is off the grid when it deviates from both the map and the spots around it by more than this many standard
+/// deviations of such deviations over the whole grid,
 const OFF_GRID_SIGMAS: f64 = 3.5;
-/// and by more than this in pitches: a print is seldom better than a third of it.
+/// and by more than this in pitches: printing is seldom more accurate than a third of it.
 const OFF_GRID_LEAST_PITCH: f64 = 0.06;
-/// Up to this share of such spots the robust fit bears them by itself, and they stay in it: a print of doubled and broken
-/// dots without any glare has 3 % (GelSlim 3.0).
+/// Up to this share of such spots, the robust fit tolerates them and they stay in it: a print with doubled and broken
+/// dots but no glare has 3 % (GelSlim 3.0).
 const FEW_OFF_GRID_FRACTION: f64 = 0.04;
-/// In the end a dot so far from its node is not one of the grid's, in pitches.
+/// Finally, a dot further than this from its node is off the grid, in pitches.
 pub(super) const OFF_GRID_PITCH: f64 = 0.15;
-/// Fewest spots around one that say where it should be.
+/// Fewest spots around one to predict its position.
 const FEWEST_AROUND: usize = 4;
 
 /// A dot of the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Dot {
-    /// Where it is in the upright camera image.
+    /// Position in the upright camera image.
     pub seen: Vec2,
     /// Its contrast.
     pub response_levels: f32,
 }
 
-/// The grid on the picture.
+/// The grid in the image.
 #[derive(Debug, Clone)]
 pub(super) struct Grid {
     pub dots: BTreeMap<(i32, i32), Dot>,
-    /// Spots near a node that are none of the grid's: glare, dirt, printed twice. The map is not fitted to them.
+    /// Spots near a node that are not dots of the grid: glare, dirt, double prints. The map is not fitted to them.
     pub off_grid: BTreeMap<(i32, i32), Dot>,
     pub map: PlaneMap,
     pub pitch_px: f64,
@@ -65,7 +65,7 @@ pub(super) struct Grid {
     first: (i32, i32),
 }
 
-/// Where a node lies in the plane.
+/// Position of a node in the plane.
 fn plane_of((i, j): (i32, i32), first: (i32, i32), pitch_px: f64) -> Vec2 {
     let margin_px = (MARGIN_PITCH * pitch_px).round();
     Vec2::new(f64::from(i - first.0), f64::from(j - first.1)) * pitch_px + Vec2::new(margin_px, margin_px)
@@ -140,7 +140,7 @@ impl Grid {
         Some(())
     }
 
-    /// The picture through the map, with which of its pixels the camera sees.
+    /// The image rectified by the map, and the table that holds which of its pixels the camera sees.
     pub fn rectified(&self, grey: &[u8], camera_px: SizePx) -> (Vec<u8>, WarpTable) {
         let size = self.size();
         let table = WarpTable::new(size, camera_px, |p| self.map.apply(p));
@@ -157,12 +157,12 @@ impl Grid {
         let mut wider = self.clone();
         wider.dots.insert((low.0 - 1, low.1 - 1), beyond);
         wider.dots.insert((high.0 + 1, high.1 + 1), beyond);
-        // The map is that of the old origin.
+        // The map refers to the old origin.
         let shift = plane_of(low, self.first, self.pitch_px) - plane_of(low, low, self.pitch_px);
         let map = self.map;
         let to_camera = |p: Vec2| map.apply(p - shift);
         let size = wider.size();
-        // Beyond the border its own pixels go on: black would pull the dots there.
+        // Pixels of the border are repeated beyond it: black would pull the dots there.
         let last = Vec2::new((camera_px.width - 1) as f64, (camera_px.height - 1) as f64);
         let held = |p: Vec2| Vec2::new(p.x.clamp(0.0, last.x), p.y.clamp(0.0, last.y));
         let mut flat = vec![0; size.area()];
@@ -220,8 +220,8 @@ impl Grid {
         self.first = low;
     }
 
-    /// Takes the spots out of the grid that leave both the map and their neighbours, if they are many; whether there were any. Where the map
-    /// itself is not good yet, neighbours leave it alike and stay.
+    /// Removes spots that deviate from both the map and their neighbours, if they are many; returns whether they were.
+    /// Where the map itself is not good yet, neighbours deviate from it alike and stay.
     fn set_aside_off_grid(&mut self) -> bool {
         let offsets = self.offsets_px();
         let from_neighbours_px = |node: (i32, i32), own: Vec2| match median_around(&offsets, node) {
@@ -242,7 +242,8 @@ impl Grid {
         are_many
     }
 
-    /// Leaves dots further than so many pitches off the map out of the grid and of its size: housing, writing, light beside the gel.
+    /// Removes dots further than `beyond_pitch` off the map from the grid and its size: housing, lettering, light
+    /// beside the gel.
     pub fn leave_out(&mut self, beyond_pitch: f64) -> Option<()> {
         for _ in 0..ROUNDS_COUNT {
             let is_off = |(node, dot): &(&(i32, i32), &Dot)| self.residual_pitch(**node, dot) > beyond_pitch;
@@ -258,7 +259,7 @@ impl Grid {
         Some(())
     }
 
-    /// What the map leaves of every dot, in plane px.
+    /// Residual vector of every dot, in plane px.
     fn offsets_px(&self) -> BTreeMap<(i32, i32), Vec2> {
         let first = node_bounds(&self.dots).0;
         let plane = |n| plane_of(n, first, self.pitch_px);
@@ -266,7 +267,7 @@ impl Grid {
         self.dots.iter().map(|(n, d)| (*n, offset(*n, d))).filter(|(_, by)| by.is_finite()).collect()
     }
 
-    /// Diameter of a disc as large as the part of the mean dot that has more than half of its depth.
+    /// Diameter of a disc with the area over which the mean dot has more than half of its depth.
     fn measured_diameter(&self, flat: &[u8], size: SizePx, centres: &[Vec2]) -> Option<f64> {
         let half = (0.5 * self.pitch_px).round() as usize;
         let side = 2 * half + 1;
@@ -288,7 +289,7 @@ impl Grid {
     }
 }
 
-/// Median, along each axis, of what the map leaves of the dots around a node; None with too few of them.
+/// Median residual vector of the dots around a node, per axis; None with too few of them.
 fn median_around(offsets: &BTreeMap<(i32, i32), Vec2>, (i, j): (i32, i32)) -> Option<Vec2> {
     let columns = (i - AROUND..=i + AROUND).flat_map(|x| offsets.range((x, j - AROUND)..=(x, j + AROUND)));
     let around: Vec<Vec2> = columns.filter(|(node, _)| **node != (i, j)).map(|(_, by)| *by).collect();
@@ -296,8 +297,8 @@ fn median_around(offsets: &BTreeMap<(i32, i32), Vec2>, (i, j): (i32, i32)) -> Op
     (around.len() >= FEWEST_AROUND).then(|| Vec2::new(along(|v| v.x), along(|v| v.y)))
 }
 
-/// What the map leaves at a node, from the dots around it but not its own, which may be half of a double. None far from
-/// all dots; at most `longest_px`.
+/// Residual vector at a node, from the dots around it but not its own, which may be half of a double. None far from all
+/// dots; at most `longest_px`.
 fn offset_of_neighbours(offsets: &BTreeMap<(i32, i32), Vec2>, (i, j): (i32, i32), longest_px: f64) -> Option<Vec2> {
     let (mut sum, mut weights) = (Vec2::ZERO, 0.0);
     for x in i - AROUND..=i + AROUND {
@@ -313,7 +314,7 @@ fn offset_of_neighbours(offsets: &BTreeMap<(i32, i32), Vec2>, (i, j): (i32, i32)
     (weights > 0.0).then(|| mean * (longest_px / mean.length().max(1e-9)).min(1.0)).filter(|m| m.is_finite())
 }
 
-/// Where the edge pulls a spot to; None when it pulls out of the dot.
+/// Position to which the edge pulls a spot; None when it is outside the dot.
 fn settle(kernel: &EdgeKernel, grey: &[u8], size: SizePx, start: Vec2, radius_px: f64) -> Option<Vec2> {
     let mut centre = start;
     for _ in 0..2 {
@@ -336,8 +337,8 @@ fn vec_of((i, j): (i32, i32)) -> Vec2 {
 /// Rounds of exchanging a long step of the grid for a shorter one; two are enough for any grid a camera sees.
 const REDUCTIONS_COUNT: usize = 4;
 
-/// The dots with their nodes counted along the shortest steps of the grid, and turned by right angles so that i grows
-/// nearest to the picture's x, and j clockwise of it.
+/// The dots with their nodes indexed along the shortest steps of the grid, rotated by right angles so that i grows
+/// nearest to the image's x, and j clockwise of it.
 fn upright(found: &Found) -> Option<BTreeMap<(i32, i32), Dot>> {
     let pairs: Vec<Pair> =
         found.nodes.iter().map(|(n, i)| Pair { plane: vec_of(*n), seen: found.spots[*i].position }).collect();

@@ -1,4 +1,4 @@
-//! Spots -> which of them stand on a grid, and on which of its nodes.
+//! Spots -> which of them are on a grid, and on which of its nodes.
 //!
 //! ```text
 //!      .   o   .        a seed o with neighbours on both sides of two directions;
@@ -6,8 +6,8 @@
 //!      .   o   .        the affine map of the known ones around it, and the nearest spot
 //!          b            within a quarter of a pitch is the dot
 //! ```
-//! Missing dots leave holes, doubled ones a spot without a node; perspective and lens bend the grid slowly enough for
-//! the local affine map to follow.
+//! Missing dots leave holes, doubled ones a spot without a node. Perspective and lens distort the grid slowly enough
+//! for the local affine map to follow.
 
 use super::fit::median;
 use super::solve::Normal;
@@ -15,9 +15,9 @@ use crate::pixels::dots::Spot;
 use crate::plane::Vec2;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Spots nearest to a seed among which its neighbours on the grid are sought.
+/// Number of spots nearest to a seed among which its grid neighbours are searched.
 const NEIGHBOURS_COUNT: usize = 14;
-/// So many of the strongest spots are looked at as seeds.
+/// Number of strongest spots considered as seeds.
 const CANDIDATES_COUNT: usize = 120;
 /// Seeds tried, best first.
 const SEEDS_COUNT: usize = 8;
@@ -31,12 +31,12 @@ const WEAKEST_RATIO: f32 = 0.3;
 /// Node of the grid -> number of its spot.
 pub(super) type Nodes = BTreeMap<(i32, i32), usize>;
 
-/// The largest grid among the spots, which come strongest first; empty when there is none.
+/// The largest grid among the spots, which are sorted strongest first; empty when there is none.
 pub(super) fn find(spots: &[Spot]) -> Nodes {
     let candidates = 0..spots.len().min(CANDIDATES_COUNT);
     let mut seeds: Vec<(usize, Basis)> = candidates.filter_map(|i| Some((i, Basis::at(spots, i)?))).collect();
     seeds.sort_by(|(i, p), (j, q)| q.supported.cmp(&p.supported).then(i.cmp(j)));
-    // Seeds far from each other: one bad corner must not spoil all.
+    // Seeds are far apart: one bad corner must not spoil all.
     let mut best = Nodes::new();
     let mut tried: Vec<Vec2> = Vec::new();
     for (seed, basis) in &seeds {
@@ -90,7 +90,7 @@ impl Basis {
                 let near_squared = (0.22 * short) * (0.22 * short);
                 let has = |p: Vec2| around.iter().any(|q| (*q - p).length_squared() < near_squared);
                 let supported = [a, b, -a, -b, a + b, a - b, b - a, -a - b].into_iter().filter(|p| has(*p)).count();
-                // With equal support the shorter steps: diagonal ones span every other node, or a slanted grid.
+                // With equal support, shorter steps are better: diagonal ones span every other node, or a slanted grid.
                 let better =
                     |o: &Basis| (supported, -a.length() * b.length()) > (o.supported, -o.a.length() * o.b.length());
                 if supported >= 5 && best.as_ref().is_none_or(better) {
@@ -109,12 +109,12 @@ fn grow(spots: &[Spot], seed: usize, basis: &Basis) -> Nodes {
     used[seed] = true;
     let mut by_height: Vec<usize> = (0..spots.len()).collect();
     by_height.sort_by(|&i, &j| spots[i].position.y.total_cmp(&spots[j].position.y));
-    // Looked at since the last change around them.
+    // Nodes tried since the last change around them.
     let mut tried: BTreeSet<(i32, i32)> = BTreeSet::new();
     loop {
         let mut found: Vec<(f64, (i32, i32), usize)> = Vec::new();
         for node in frontier(&nodes) {
-            // A node without a spot is looked at again when more is known around it.
+            // A node without a spot is tried again when more is known around it.
             if !tried.insert(node) {
                 continue;
             }
@@ -148,7 +148,7 @@ fn grow(spots: &[Spot], seed: usize, basis: &Basis) -> Nodes {
     nodes
 }
 
-/// Nodes beside known ones, also across one missing node.
+/// Unknown nodes beside known ones.
 fn frontier(nodes: &Nodes) -> BTreeSet<(i32, i32)> {
     let steps = [(1, 0), (-1, 0), (0, 1), (0, -1)];
     let beside = nodes.keys().flat_map(|&(i, j)| steps.map(|(a, b)| (i + a, j + b)));
@@ -159,7 +159,7 @@ fn known_around(nodes: &Nodes, (i, j): (i32, i32)) -> impl Iterator<Item = ((i32
     (i - REACH..=i + REACH).flat_map(move |x| nodes.range((x, j - REACH)..=(x, j + REACH))).map(|(n, i)| (*n, *i))
 }
 
-/// Where a node should be and the pitch there, by the affine map of the known nodes around it.
+/// Predicted position of a node and the pitch there, by the affine map of the known nodes around it.
 fn predict(spots: &[Spot], nodes: &Nodes, node: (i32, i32), basis: &Basis) -> Option<(Vec2, f64)> {
     let [mut x, mut y] = [Normal::new(3), Normal::new(3)];
     let mut anchor = None;
@@ -173,7 +173,7 @@ fn predict(spots: &[Spot], nodes: &Nodes, node: (i32, i32), basis: &Basis) -> Op
             anchor = Some((weight, at - basis.a * di - basis.b * dj));
         }
     }
-    // The steps of the seed, faintly: they decide while too few nodes are known.
+    // The steps of the seed, with a small weight: they decide while too few nodes are known.
     let faint = 1e-3;
     for (n, [first, second]) in [(&mut x, [basis.a.x, basis.b.x]), (&mut y, [basis.a.y, basis.b.y])] {
         n.add(&[0.0, 1.0, 0.0], first, faint);
@@ -185,7 +185,7 @@ fn predict(spots: &[Spot], nodes: &Nodes, node: (i32, i32), basis: &Basis) -> Op
     Some((Vec2::new(x[0], y[0]), pitch_px))
 }
 
-/// Takes out spots much weaker than the dots around them: specks where a dot is missing.
+/// Removes spots much weaker than the dots around them: specks where a dot is missing.
 fn drop_weak(spots: &[Spot], nodes: &mut Nodes) {
     let weak: Vec<(i32, i32)> = nodes
         .iter()
@@ -209,7 +209,7 @@ mod tests {
         Spot { position: Vec2::new(x, y), response_levels }
     }
 
-    /// 10 x 8 nodes, turned and in perspective; `keep` says which nodes are there.
+    /// 10 x 8 nodes, rotated and in perspective; `keep` selects the nodes that are there.
     fn grid(keep: impl Fn(usize) -> bool) -> Vec<Spot> {
         (0..80)
             .filter(|i| keep(*i))
@@ -226,7 +226,7 @@ mod tests {
         let spots = grid(|i| i % 9 != 4);
         let nodes = find(&spots);
         assert_eq!(nodes.len(), spots.len());
-        // Neighbouring nodes are neighbours in the picture.
+        // Neighbouring nodes are neighbours in the image.
         for (&(i, j), &a) in &nodes {
             if let Some(&b) = nodes.get(&(i + 1, j)) {
                 let apart = (spots[b].position - spots[a].position).length();
@@ -250,9 +250,9 @@ mod tests {
         assert!(nodes.values().all(|&i| i < dots_count));
     }
 
-    /// Growing takes what is near: of dots without order up to half. It is the judge of `calibrate`, by residual and
-    /// number, that tells these from a grid (`dots_on_no_grid_are_refused_with_the_reason`); here only that
-    /// randomly placed spots are not all taken for nodes.
+    /// Growing accepts up to half of random dots. The checks of `calibrate`, by residual and number, reject these
+    /// (`dots_on_no_grid_are_refused_with_the_reason`); this test checks only that random spots are not all taken for
+    /// nodes.
     #[test]
     fn fewer_than_half_of_randomly_placed_spots_get_a_node() {
         let mut state = 12345u32;

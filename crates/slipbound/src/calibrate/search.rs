@@ -1,4 +1,4 @@
-//! A grey picture of unknown dots -> their size, whether they are dark or bright, and the grid they stand on.
+//! A grey image of unknown dots -> their size, their polarity (dark or bright), and their grid.
 
 use super::fit::median;
 use super::lattice::{self, Nodes};
@@ -8,16 +8,16 @@ use crate::sensor::Polarity;
 
 /// Diameters tried, px: each a quarter larger than the one before.
 const DIAMETERS: (f64, f64, f64) = (3.0, 1.25, 64.0);
-/// Spots of at least this contrast are looked at.
+/// Spots of at least this contrast are considered.
 const LEAST_LEVELS: f32 = 2.0;
 /// And of at least this share of the contrast of the strongest ones.
 const LEAST_RATIO: f32 = 0.15;
-/// So many of the strongest spots say how strong a dot is.
+/// Number of strongest spots that define the contrast of a dot.
 const STRONG_COUNT: usize = 24;
-/// More spots than this are texture.
+/// Most spots kept: more are texture.
 const MOST_SPOTS: usize = 1500;
 
-/// One scale of dots and what stood on a grid at it.
+/// One scale of dots and the grid found at it.
 #[derive(Debug, Clone)]
 pub(super) struct Found {
     pub spots: Vec<Spot>,
@@ -27,8 +27,8 @@ pub(super) struct Found {
 }
 
 impl Found {
-    /// How much contrast stands on the grid: the gaps between dark dots are a grid of bright ones, but a fainter one,
-    /// and a dot is strongest at its own size.
+    /// Total contrast on the grid. The gaps between dark dots form a grid of bright ones, but a fainter one; a dot is
+    /// strongest at its own size.
     fn score(&self) -> f64 {
         let levels: Vec<f64> = self.nodes.values().map(|&i| f64::from(self.spots[i].response_levels)).collect();
         levels.len() as f64 * median(&levels)

@@ -3,12 +3,12 @@
 //! ```text
 //!   sum of    |                    ______ hanging     force = stiffness x (hanging - held)
 //!   displace- |      ____________/
-//!   ments     |_____/  held, the mass still stands
+//!   ments     |_____/  held, mass still supported
 //!             +---------------------------> time
 //! ```
-//! The skin is a thin layer on a stiff back: each patch answers for itself, so force is stiffness times the sum of
-//! displacement over all markers. A grip pushes markers apart, and unevenly in what a tilted camera sees; that is in
-//! both sums and falls out of their difference.
+//! The skin is a thin layer on a stiff back: each patch deforms independently, so force is stiffness times the sum of
+//! displacement over all markers. A grip pushes markers apart, unevenly in the view of a tilted camera; this is in both
+//! sums and cancels in their difference.
 
 mod error;
 mod frames;
@@ -24,10 +24,10 @@ use frames::FEWEST_FRAMES;
 
 /// Standard acceleration of gravity, m/s2.
 const GRAVITY_M_S2: f64 = 9.80665;
-/// Where the markers' noise is larger than [`MOST_SCATTER`], the sum may vary by so many times that of the frames in which
-/// it is held.
+/// Where the noise of the markers exceeds [`MOST_SCATTER`], the sum may scatter by this many times its scatter in the
+/// frames in which the mass is held.
 const NOISE_RATIO: f64 = 1.5;
-/// Most markers that may be out of sight.
+/// Largest share of markers that may be lost.
 const MOST_LOST: f64 = 0.1;
 
 fn mean(frames: &[HangingFrame], of: impl Fn(&HangingFrame) -> Vec2) -> Vec2 {
@@ -42,8 +42,8 @@ fn mean_and_scatter(frames: &[HangingFrame]) -> (Vec2, f64) {
     (mean, variance.sqrt())
 }
 
-/// The stiffness from frames in which a mass of `weight_g` grams is held and still stands, and frames in which it hangs
-/// still, shared by `fingers_count` fingers. `what`: the recording, for the provenance.
+/// The stiffness from frames in which a mass of `weight_g` grams is held and still supported, and frames in which it
+/// hangs still, shared by `fingers_count` fingers. `what`: the recording, for the provenance.
 pub fn shear_stiffness(
     sensor: &Sensor,
     held: &[HangingFrame],
@@ -62,7 +62,7 @@ pub fn shear_stiffness(
         match f.state {
             SlipState::NoContact => return Err(ShearError::NoContact),
             SlipState::Incipient | SlipState::Gross => return Err(ShearError::Slips { seq: f.seq }),
-            // Of a frame that was not judged every marker counts as lost.
+            // In an unjudged frame, every marker counts as lost.
             SlipState::Stick | SlipState::Unsure | SlipState::Unjudged => {}
         }
         if f64::from(f.lost_count) > MOST_LOST * f.markers_count as f64 {
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
     use crate::sensor::tests::smooth;
 
-    /// Frames of a finger that is held at 7 px along x, and then carries `sum_px` along y.
+    /// Frames with a sum of 7 px along x by the grip, and of `sum_px` along y.
     fn frames(first: u64, count: u64, sum_px: impl Fn(u64) -> f64) -> Vec<HangingFrame> {
         let frame = |seq| HangingFrame {
             seq,

@@ -1,4 +1,4 @@
-//! Symmetric positive systems of a few dozen unknowns.
+//! Symmetric positive definite systems of a few dozen unknowns.
 
 /// Normal equations, summed row by row.
 #[derive(Debug, Clone)]
@@ -26,7 +26,7 @@ impl Normal {
         }
     }
 
-    /// x, with every diagonal entry raised by `damping` of itself. None when the system has no single answer.
+    /// Solves for x, with every diagonal entry raised by `damping` of itself. None when the system is singular.
     pub fn solve(&self, damping: f64) -> Option<Vec<f64>> {
         let n = self.n;
         let mut l = self.a.clone();

@@ -7,8 +7,8 @@ use crate::port::SourceError;
 use crate::setting::SettingError;
 use std::fmt;
 
-/// Why the loop ended early. Whatever the reason, the wrist was paused first, and the gripper keeps its force or goes up to the blind force of
-/// [`GripLimits`](crate::grip::GripLimits), never down.
+/// Why the loop ended early. In all cases the wrist was paused first, and the gripper keeps its force or raises it to
+/// the blind force of [`GripLimits`](crate::grip::GripLimits), never lowers it.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum ControlError {
@@ -19,7 +19,7 @@ pub enum ControlError {
         /// Why.
         source: SourceError,
     },
-    /// A frame does not hold what its size says.
+    /// The buffer of a frame does not match its stated size.
     Frame {
         /// The finger.
         finger: String,

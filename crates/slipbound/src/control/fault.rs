@@ -1,8 +1,8 @@
 //! Faults of gripper and wrist: raised, waited for, cleared.
 //!
 //! ```text
-//!   raise ----------> current: the wrist pauses, the force stays
-//!     | no more fault for 0.5 s: cleared        | 10 s since it began: the loop is left
+//!   raise ----------> current: the wrist is paused, the force is kept
+//!     | no more fault for 0.5 s: cleared        | 10 s after it began: the loop ends
 //! ```
 
 use crate::port::{GripCommand, GripperError, GripperErrorKind, GripperState, Jaws, WristError, WristErrorKind};
@@ -10,21 +10,21 @@ use crate::task::TaskStep;
 use std::borrow::Cow;
 use std::fmt;
 
-/// Longest wait for a gripper or wrist with a fault, ns: enough for a cable to be put back.
+/// Longest wait for a gripper or wrist with a fault, ns: enough to plug a cable back in.
 const PATIENCE_NS: u64 = 10_000_000_000;
 
-/// Time without a fault after which the wrist may go on, ns.
+/// Time without a fault after which the wrist may move again, ns.
 const CLEAR_AFTER_NS: u64 = 500_000_000;
 
-/// Longest time for a measured force to come up to what was commanded, ns.
+/// Longest time for a measured force to reach the commanded one, ns.
 const FOLLOW_NS: u64 = 1_500_000_000;
 
-/// What may be short of it then: the largest of this force, N, this share of it, and what the driver says its reading
-/// may be off.
+/// Shortfall that is tolerated then: the largest of this force, N, this share of the command, and the error bound that
+/// the driver states.
 const SHORTFALL_N: f64 = 2.0;
 const SHORTFALL_FRACTION: f64 = 0.2;
 
-/// What kind of fault it is.
+/// Kind of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FaultKind {
@@ -82,10 +82,10 @@ impl Fault {
     }
 }
 
-/// The fault that lasts.
+/// The present fault.
 #[derive(Debug, Default)]
 pub(super) struct FaultLog {
-    /// The newest fault, when the first of this spell was raised, when the last, ns.
+    /// The newest fault, when the first of this series was raised, when the last, ns.
     current: Option<(Fault, u64, u64)>,
 }
 
@@ -94,7 +94,7 @@ impl FaultLog {
         self.current.as_ref().map(|(fault, ..)| fault)
     }
 
-    /// A fault in this cycle. When there have been faults for too long it comes back, with how long that is, ns.
+    /// A fault in this cycle. When faults have lasted too long it is returned with their duration, ns.
     pub fn raise(&mut self, now_ns: u64, fault: Fault) -> Result<(), (Fault, u64)> {
         let since_ns = self.current.as_ref().map_or(now_ns, |(_, since_ns, _)| *since_ns);
         let waited_ns = now_ns.saturating_sub(since_ns);
@@ -111,14 +111,14 @@ impl FaultLog {
     }
 }
 
-/// Watches whether the measured force comes up to the commanded one.
+/// Checks whether the measured force reaches the commanded one.
 #[derive(Debug, Default)]
 pub(super) struct ForceShortfall {
     since_ns: Option<u64>,
 }
 
 impl ForceShortfall {
-    /// The fault, when the force has been short of what was commanded for too long.
+    /// The fault, when the force has stayed below the commanded one for too long.
     pub fn check(&mut self, now_ns: u64, state: &GripperState, step: &TaskStep) -> Option<Fault> {
         let short = match step.grip {
             GripCommand::Hold { force_n } => {

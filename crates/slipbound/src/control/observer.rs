@@ -35,19 +35,19 @@ impl CycleView<'_> {
 }
 
 /// Called after every cycle. It cannot disturb the loop: it keeps its own errors and reports them when the run is over.
-/// An observer that may block (a disk, a terminal, a socket) belongs behind a queue, on a thread of its own:
+/// An observer that may block (a disk, a terminal, a socket) belongs behind a queue, on a separate thread:
 /// `slipbound_rig::realtime::QueuedObserver`.
 pub trait CycleObserver {
     /// A cycle has ended.
     fn after_cycle(&mut self, view: &CycleView<'_>);
 }
 
-/// Nobody looks on.
+/// No observer.
 impl CycleObserver for () {
     fn after_cycle(&mut self, _: &CycleView<'_>) {}
 }
 
-/// Two look on, one after the other.
+/// Two observers, one after the other.
 impl<A: CycleObserver, B: CycleObserver> CycleObserver for (A, B) {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
         self.0.after_cycle(view);

@@ -1,4 +1,4 @@
-//! The loop against a gripper and a wrist that write down what they are told.
+//! The loop against a gripper and a wrist that record their commands.
 
 use super::*;
 use crate::hand::Side;
@@ -10,7 +10,7 @@ use std::rc::Rc;
 
 const S: u64 = 1_000_000_000;
 
-/// A camera that is silent.
+/// A camera without frames.
 struct Silent;
 
 impl FrameSource for Silent {
@@ -19,13 +19,13 @@ impl FrameSource for Silent {
     }
 }
 
-/// A gripper and a wrist that write down what they are told.
+/// A gripper and a wrist that record their commands.
 #[derive(Clone, Default)]
 struct Scribe {
     told: Rc<RefCell<Vec<String>>>,
     is_lost: bool,
     is_wrist_lost: bool,
-    /// What its driver has to say.
+    /// Events of its driver.
     events: Vec<DriverEvent>,
 }
 
@@ -97,7 +97,7 @@ fn who_leaves_pauses_the_wrist_first_and_only_ever_presses_harder() {
     }
 }
 
-/// The first camera fails: what the second showed in the cycle before is not shown as new.
+/// The first camera fails: the second camera's frame of the cycle before is not shown as new.
 #[test]
 fn a_camera_that_fails_makes_nothing_come_twice() {
     struct Black(u64);
@@ -179,7 +179,7 @@ impl Scribe {
     }
 }
 
-/// With the wrist gone the loop does not wait: whoever fills the bottle does not wait either.
+/// The loop does not wait for a lost wrist, because the load may still grow.
 #[test]
 fn a_lost_wrist_is_a_fault_but_the_loop_goes_on() {
     let (scribe, mut control) = (Scribe::default(), control(None));
@@ -222,7 +222,7 @@ fn the_wrist_is_told_before_the_gripper_and_stands_while_there_is_a_fault() {
     assert_eq!(scribe.told.take(), ["Pause"]);
     assert_eq!(control.command(&step, &mut scribe.clone(), &mut scribe.clone()), None);
     assert_eq!(scribe.told.take(), ["Pause", "grip 20"]);
-    // Half a second without a fault, and it moves again.
+    // After half a second without a fault it moves again.
     control.faults.clear(S + S / 2);
     assert_eq!(control.command(&step, &mut scribe.clone(), &mut scribe.clone()), None);
     assert!(scribe.told.take()[0].starts_with("Turn"));

@@ -1,4 +1,4 @@
-//! The finger at rest, found among the first frames of a source: the one policy for recordings and for the control loop.
+//! Finds the rest frame among the first frames of a source, in the same way for recordings and for the control loop.
 
 use crate::image::{Frame, ImageError, SizePx};
 use crate::monitor::{Rest, RestBuilder, RestError, RestKind, RestLook, Settings};
@@ -7,8 +7,8 @@ use crate::sensor::Sensor;
 use crate::setting::SettingError;
 use std::ops::Range;
 
-/// Looks at the first [`window_count`](crate::monitor::RestSettings::window_count) whole frames, chooses the stationary run
-/// among them (untouched if there is one) and averages it. Keeps a copy of every frame of the window.
+/// Looks at the first [`window_count`](crate::monitor::RestSettings::window_count) whole frames, chooses the stationary
+/// run among them (an untouched one if there is any) and averages it. Keeps a copy of every frame of the window.
 #[derive(Debug, Clone)]
 pub struct RestFinder {
     builder: RestBuilder,
@@ -20,14 +20,14 @@ pub struct RestFinder {
 /// A rest frame and the frames it was made from.
 #[derive(Debug, Clone)]
 pub struct FoundRest {
-    /// The rest frame; [`Rest::kind`] says whether something touched the finger already.
+    /// The rest frame; [`Rest::kind`] gives whether the finger was already in contact.
     pub rest: Rest,
     /// Numbers of the frames averaged into it: from the first up to, not including, the last.
     pub seqs: Range<u64>,
 }
 
 impl RestFinder {
-    /// A finder for frames of `camera_px`. Fails when a setting or a fact of the sensor is invalid.
+    /// A finder for frames of `camera_px`. Fails when a setting or a sensor fact is invalid.
     pub fn new(sensor: &Sensor, settings: &Settings, camera_px: SizePx) -> Result<Self, SettingError> {
         Ok(RestFinder {
             builder: RestBuilder::new(sensor, settings, camera_px)?,
@@ -53,7 +53,7 @@ impl RestFinder {
         Ok(())
     }
 
-    /// What was seen so far, in order: the number of every frame, and its look.
+    /// The frames seen so far, in order: the number of each, and its look.
     pub fn looks(&self) -> impl Iterator<Item = (u64, &RestLook)> {
         self.frames.iter().map(|frame| frame.seq).zip(&self.looks)
     }
@@ -68,12 +68,13 @@ impl RestFinder {
         self.frames.len() >= self.window_count
     }
 
-    /// The rest frame, from what was seen so far. Fails when no frame was stationary and bright, or too few markers show.
+    /// The rest frame, from the frames seen so far. Fails when no frame was stationary and bright, or too few markers
+    /// show.
     pub fn find(mut self) -> Result<FoundRest, RestError> {
         let choice = self.builder.choose(&self.looks)?;
         let run = &self.frames[choice.frames];
         for buffer in run {
-            // What cannot be read as a frame was refused by `see`.
+            // Frames with an invalid buffer were rejected by `see`.
             let Ok(frame) = buffer.frame() else { return Err(RestError::Empty) };
             self.builder.add(&frame)?;
         }
@@ -82,8 +83,9 @@ impl RestFinder {
     }
 }
 
-/// The rest frame from frames that the user says show the finger at rest: all of them averaged; in contact when most
-/// look touched, or where the settings say that an object is [`held`](crate::monitor::RestSettings::held). The error comes with the index in `frames` of the frame that cannot be used, if it is one of them.
+/// The rest frame from frames that the user declares to be at rest: the average of all. In contact when most look
+/// touched, or where the settings declare an object [`held`](crate::monitor::RestSettings::held). The error comes with
+/// the index in `frames` of the frame that cannot be used, if it is one of them.
 pub fn rest_from(mut builder: RestBuilder, frames: &[Frame<'_>]) -> Result<Rest, (Option<usize>, RestError)> {
     let touched_count = frames.iter().filter(|frame| builder.look(frame).touched).count();
     let is_touched = builder.settings().rest.held || 2 * touched_count > frames.len();

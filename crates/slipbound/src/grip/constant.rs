@@ -1,11 +1,11 @@
-//! Holds with one force, whatever happens: the baseline for the other controllers.
+//! Holds with a constant force: the baseline for the other controllers.
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::GripperState;
 
-/// Commands the starting force, always.
+/// Always commands the starting force.
 #[derive(Debug, Clone)]
 pub struct Constant {
     force_n: f64,

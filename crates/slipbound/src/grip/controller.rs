@@ -5,17 +5,17 @@ use crate::port::{GripCommand, GripperState};
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
-/// What the arm may do in the meantime.
+/// What the arm may do while the grip force is adjusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ArmMotion {
-    /// It may move on.
+    /// It may move.
     Go,
     /// It stands still until the grip force has been reached.
     Pause,
 }
 
-/// What a controller decides: how hard to hold, and whether the arm may go on meanwhile. Controllers never release;
+/// The decision of a controller: the grip force, and whether the arm may move meanwhile. Controllers never release;
 /// tasks do.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GripDecision {
@@ -37,10 +37,10 @@ pub trait GripController {
     /// The decision for this cycle. `now_ns` is the time of the loop in nanoseconds and must not decrease.
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision;
 
-    /// How often it reacted to slip, or would have if it had not been at its limit.
+    /// How often it reacted to slip, or would have reacted had it not been at its limit.
     fn alarms_count(&self) -> u32;
 
-    /// Whether slip was seen while it was at its largest force.
+    /// Whether slip was detected while it was at its largest force.
     fn wants_more(&self) -> bool;
 
     /// The slip margin it uses, 0 to 1; None for a controller that uses none.
@@ -56,9 +56,9 @@ pub trait GripController {
 pub struct GripLimits {
     /// Force per finger with which an object is grasped, N. The paper starts at 10 N.
     pub start_n: f64,
-    /// Least force while something is held, N per finger: 5 N is the least a WSG-50 holds with.
+    /// Minimum force while something is held, N per finger: 5 N is the minimum of a WSG-50.
     pub least_n: f64,
-    /// Largest force, N per finger: 60 N in the paper, less where the object would be crushed.
+    /// Maximum force, N per finger: 60 N in the paper, less where the object would be crushed.
     pub most_n: f64,
     /// Blind force: the force per finger to raise the grip to when no finger can be judged, N; None keeps the present
     /// force.
@@ -69,13 +69,13 @@ pub struct GripLimits {
 
 impl Default for GripLimits {
     fn default() -> Self {
-        // Three frames at 30 Hz, just: one lost frame is no reason to stop.
+        // Just under three frames at 30 Hz: one lost frame is no reason to stop.
         GripLimits { start_n: 10.0, least_n: 5.0, most_n: 60.0, blind_force_n: None, blind_after_ns: 90_000_000 }
     }
 }
 
 impl GripLimits {
-    /// The same with other forces per finger, N: starting, least and largest force.
+    /// The same with other forces per finger, N: starting, minimum and maximum force.
     #[must_use]
     pub const fn with_forces_n(self, start_n: f64, least_n: f64, most_n: f64) -> Self {
         GripLimits { start_n, least_n, most_n, ..self }
@@ -99,16 +99,16 @@ impl GripLimits {
     }
 }
 
-/// Most time that counts as passed between two decisions, s. After a gap (blind fingers, a lost link) a force goes on from where
-/// it was as fast as ever: it does not catch up in one step, on the word of one frame.
+/// Longest time step between two decisions, s. After a gap (blind fingers, a lost link) the force continues at its
+/// usual rate: it does not catch up in one step because of a single frame.
 const LONGEST_STEP_S: f64 = 0.1;
 
-/// Time since the last decision that rates are multiplied with, s: 0 for the first one, at most 0.1.
+/// Time since the last decision, by which rates are multiplied, s: 0 for the first one, at most 0.1.
 pub(super) fn step_s(last_ns: Option<u64>, now_ns: u64) -> f64 {
     (now_ns.saturating_sub(last_ns.unwrap_or(now_ns)) as f64 * 1e-9).min(LONGEST_STEP_S)
 }
 
-/// Whether a commanded force has arrived at the object: within half a newton or a twentieth.
+/// Whether a commanded force has been reached: within half a newton or a twentieth.
 pub(crate) fn arrived(target_n: f64, gripper: &GripperState) -> bool {
     gripper.pressed_n().is_some_and(|n| (n - target_n).abs() <= 0.5f64.max(0.05 * target_n))
 }

@@ -1,10 +1,10 @@
-//! Correction of a gripper's force reading: its bias is learned while the jaws are open, its noise measured and
+//! Correction of a gripper's force reading: its bias is learned while the jaws are open, its noise is measured and
 //! averaged out, and a reading that has settled near a constant command is replaced by the commanded force.
 //!
 //! ```text
-//!   reading --- idle reading ---> / noise > --- both stand still, and within what the driver states? -> as commanded
+//!   reading --- idle reading ---> / noise > --- both settled, and within the driver's error bound? --> commanded force
 //!                                 average        | no
-//!                                                '-----------------------------------------------> as averaged
+//!                                                '--------------------------------------------------> average
 //! ```
 //!
 //! The loop, `gripper grasp`, `gripper release` and `check-hold` all use it. A reading without bias and noise is not
@@ -12,44 +12,43 @@
 
 use crate::port::{GripperState, Jaws};
 
-/// Readings of which the noise is measured.
+/// Number of readings from which the noise is measured.
 const NOISE_COUNT: usize = 24;
 
-/// Quartile of the absolute second difference of white noise over its standard deviation: 0.3186 times sqrt(6). The
-/// quartile is not moved by the few readings in which the force changes.
+/// Quartile of the absolute second difference of white noise over its standard deviation: 0.3186 times sqrt(6). The few
+/// readings in which the force changes do not affect the quartile.
 const QUARTILE_PER_SD: f64 = 0.780;
 
-/// Noise below which a reading is taken as it is, N per finger.
+/// Noise below which a reading is not filtered, N per finger.
 const CLEAN_SD_N: f64 = 0.1;
 
-/// Noise that is left on the average, N per finger, and the most readings it may take: half a second at 30 Hz.
+/// Target noise of the average, N per finger, and the maximum number of readings averaged: half a second at 30 Hz.
 const AVERAGE_SD_N: f64 = 0.35;
 const MOST_READINGS_COUNT: f64 = 15.0;
 
-/// Time in which an average may not move to stand still, ns.
+/// Time for which an average must stay within its band to count as settled, ns.
 const STILL_NS: u64 = 200_000_000;
 
-/// Time for which the command must have stood before what is left between it and the reading is taken for an error of the sensor: jaws
-/// follow a command that moves at some distance.
+/// Time for which the command must be constant before the remaining difference to the reading counts as a sensor error,
+/// ns: jaws follow a moving command with a lag.
 const TARGET_STANDS_NS: u64 = 400_000_000;
 
-/// Least band within which it stands still, N per finger, and the band in standard deviations of the average.
+/// Minimum width of the settling band, N per finger, and the band in standard deviations of the average.
 const STILL_N: f64 = 0.25;
 const STILL_SD: f64 = 3.0;
 
-/// What a reading may be off where the driver does not state it: this force, N per finger, and this share of it.
+/// Error bound of a reading where the driver states none: this force, N per finger, and this share of it.
 const ERROR_N: f64 = 2.0;
 const ERROR_FRACTION: f64 = 0.2;
 
-/// What may be between command and reading of a clean sensor, N per finger, or as a share: within it nothing is
-/// corrected.
+/// Difference between command and reading of a clean sensor that is not corrected, N per finger, or as a share.
 const EXACT_N: f64 = 0.5;
 const EXACT_FRACTION: f64 = 0.05;
 
-/// The least share of the commanded force that a reading may be to be the same force, told too low.
+/// Smallest share of the commanded force at which a low reading can still be that force.
 const LEAST_FRACTION: f64 = 0.5;
 
-/// Most idle readings that are averaged; from there on the oldest are forgotten.
+/// Maximum number of idle readings averaged; beyond it the oldest lose weight.
 const IDLE_COUNT: u32 = 30;
 
 /// Corrects the force reading of a gripper. One per gripper and link.
@@ -57,20 +56,20 @@ const IDLE_COUNT: u32 = 30;
 pub struct ForceSense {
     idle_n: f64,
     idle_count: u32,
-    /// Whether the idle reading is what it was set to.
+    /// Whether the idle reading was set from outside.
     is_idle_set: bool,
     readings_n: [f64; NOISE_COUNT],
     readings_count: usize,
     last: Option<(u64, f64)>,
     average_n: Option<f64>,
-    /// Readings in a row that leave the average the same way.
+    /// Consecutive readings that leave the average on the same side.
     leaves_count: i32,
-    /// Since when the average stands still, ns, and at what.
+    /// Since when the average has been settled, ns, and at which value.
     still: Option<(u64, f64)>,
     is_still: bool,
-    /// Since when this has been commanded, ns and N.
+    /// Since when this force has been commanded, ns and N.
     target: Option<(u64, f64)>,
-    /// What the average is multiplied with.
+    /// Factor on the average.
     gain: f64,
 }
 
@@ -95,7 +94,7 @@ impl Default for ForceSense {
 
 impl ForceSense {
     /// Before anything is commanded: learns the idle reading of open jaws, unless `may_touch`, and returns the state
-    /// without it. Nothing else is remembered, so that a replayed run begins in the same state.
+    /// with it subtracted. Nothing else is stored, so that a replayed run begins in the same state.
     pub fn rest(&mut self, state: &GripperState, may_touch: bool) -> GripperState {
         if !may_touch {
             self.learn_idle(state);
@@ -114,8 +113,8 @@ impl ForceSense {
         (self.idle_n, self.is_idle_set) = (idle_n, true);
     }
 
-    /// The state with its force corrected. `may_touch`: something may be between the fingers, so nothing is learned of
-    /// the idle reading.
+    /// The state with its force corrected. `may_touch`: something may be between the fingers, so the idle reading is
+    /// not learned.
     pub fn see(&mut self, now_ns: u64, state: &GripperState, may_touch: bool) -> GripperState {
         let Some(reading_n) = state.force_n.filter(|n| n.is_finite()) else {
             return GripperState { force_n: None, ..*state };
@@ -180,7 +179,7 @@ impl ForceSense {
         let noise_n = self.noise_n();
         let (now_n, before_n) = (reading_n - self.idle_n, self.average_n.unwrap_or(reading_n - self.idle_n));
         let share = 2.0 / (self.averaged_count(noise_n) + 1.0);
-        // Two readings far off on the same side are no noise: the force has changed.
+        // Two readings far off on the same side are not noise: the force has changed.
         let leaves = (now_n - before_n).abs() > STILL_SD * noise_n;
         let way = if now_n > before_n { 1 } else { -1 };
         self.leaves_count = if leaves { way * (self.leaves_count * way).max(0) + way } else { 0 };
@@ -188,7 +187,7 @@ impl ForceSense {
         self.average_n = Some(if has_left { now_n } else { before_n + share * (now_n - before_n) });
     }
 
-    /// Noise that is left on the average, and the band within which it stands still, N per finger.
+    /// Noise of the average, and the settling band, N per finger.
     fn left_and_band_n(&self) -> (f64, f64) {
         let noise_n = self.noise_n();
         let left_n = noise_n / libm::sqrt(self.averaged_count(noise_n));
@@ -205,27 +204,27 @@ impl ForceSense {
         self.is_still = stays && now_ns.saturating_sub(since_ns) >= STILL_NS;
     }
 
-    /// The force of jaws that hold, given what was commanded.
+    /// The force of holding jaws, given the commanded force.
     fn against(&mut self, mut average_n: f64, target_n: f64, target_stands: bool, error_n: Option<f64>) -> f64 {
         let (left_n, band_n) = self.left_and_band_n();
         let exact_n = EXACT_N.max(EXACT_FRACTION * target_n);
         let stated_n = error_n.unwrap_or(ERROR_N.max(ERROR_FRACTION * target_n)).max(exact_n) + left_n;
         let is_as_commanded = |force_n: f64| (force_n - target_n).abs() <= stated_n && force_n > 0.0;
-        // An idle reading that was the motor's own is gone when it presses.
+        // An idle reading caused by the motor itself vanishes when the jaws press.
         let untared_n = average_n + self.idle_n;
         let has_followed = self.is_still && target_stands;
         if has_followed && !is_as_commanded(average_n) && is_as_commanded(untared_n) {
             (average_n, self.average_n, self.still) = (untared_n, Some(untared_n), None);
             self.set_idle(0.0);
         }
-        // A reading near zero tells no gain: the next force would be told many times too high.
+        // A reading near zero gives no valid gain: the next force would be overestimated many times.
         let is_near = is_as_commanded(average_n) && average_n >= LEAST_FRACTION * target_n;
         let is_exact = (average_n * self.gain - target_n).abs() <= exact_n;
         if has_followed && is_near && !is_exact {
             self.gain = target_n / average_n;
         }
         let force_n = average_n * self.gain;
-        // What noise is left says nothing where the force stands still at what was commanded.
+        // Where the force has settled at the commanded value, the remaining noise carries no information.
         let is_noise = self.noise_n() >= CLEAN_SD_N && self.is_still && (force_n - target_n).abs() <= band_n + exact_n;
         if is_noise { target_n } else { force_n }
     }
@@ -242,7 +241,7 @@ mod tests {
         GripperState { time_ns: cycle, force_n, force_error_n: None, target_n, opening_mm: None, jaws }
     }
 
-    /// White noise of this standard deviation, always the same.
+    /// White noise of this standard deviation, always the same sequence.
     fn noise(sd_n: f64) -> impl FnMut() -> f64 {
         let mut random = 7u64;
         move || {
@@ -254,7 +253,8 @@ mod tests {
         }
     }
 
-    /// Jaws that are open for a second, close, and press with 10 N and then 20 N; what is made of it at the end of each.
+    /// Jaws that are open for a second, close, and press with 10 N and then 20 N; the corrected force at the end of
+    /// each stage.
     fn run(bias_n: f64, gain: f64, noise_n: f64) -> [f64; 3] {
         let (mut sense, mut noise) = (ForceSense::default(), noise(noise_n));
         let mut told = [0.0; 3];
@@ -297,7 +297,7 @@ mod tests {
         }
     }
 
-    /// What a motor reads on open jaws and no longer where it presses.
+    /// A motor reading that is present with open jaws and absent when the jaws press.
     #[test]
     fn an_idle_reading_that_goes_when_the_jaws_press_is_noticed() {
         let mut sense = ForceSense::default();
@@ -310,7 +310,7 @@ mod tests {
         assert!((told_n - 20.0).abs() < 0.5, "{told_n}");
     }
 
-    /// A controller that raises the force little by little, over jaws that follow late.
+    /// A controller that raises the force slowly, with jaws that follow with a lag.
     #[test]
     fn jaws_that_follow_a_command_behind_are_no_wrong_sensor() {
         let mut sense = ForceSense::default();
@@ -331,14 +331,15 @@ mod tests {
             let state = state(cycle, 4.0, 20.0, Jaws::Holding);
             assert_eq!(sense.see(cycle * CYCLE_NS, &state, true).force_n, Some(4.0));
         }
-        // A reading that is next to nothing, within what a reading of a light grip may be off: the grip that follows is not a hundred times as firm.
+        // A reading near zero, within the error bound of a light grip, must not multiply the grip that follows by a
+        // hundred.
         let mut sense = ForceSense::default();
         for cycle in 0..120u64 {
             let (force_n, target_n) = if cycle < 60 { (0.02, 2.0) } else { (10.0, 10.0) };
             let told = sense.see(cycle * CYCLE_NS, &state(cycle, force_n, target_n, Jaws::Holding), true).force_n;
             assert!(told.is_some_and(|told_n| told_n <= force_n + 0.1), "cycle {cycle}: {told:?}");
         }
-        // And one that has settled is seen to go.
+        // A drop is detected even after the force has settled.
         let mut sense = ForceSense::default();
         let told_n: Vec<f64> = (0..120u64)
             .map(|cycle| {

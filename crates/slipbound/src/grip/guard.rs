@@ -1,15 +1,15 @@
 //! Limits that no controller and no task can bypass: forces stay in range, and a blind hand does not let go. Every
-//! commanded force comes from here.
+//! commanded force passes through here.
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, step_s};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::{GripperState, Jaws};
 
-/// Rate at which the force comes down again that was raised while the hand was blind, N/s, while it sees that nothing slips.
+/// Rate at which a force that was raised while the hand was blind is lowered again, N/s, while `stick` is reported.
 const RETURN_N_PER_S: f64 = 5.0;
 
-/// A controller, guarded.
+/// A controller behind a guard.
 pub struct Guard {
     inner: Box<dyn GripController + Send>,
     limits: GripLimits,
@@ -17,7 +17,7 @@ pub struct Guard {
     seen_ns: Option<u64>,
     last_ns: Option<u64>,
     blind: bool,
-    /// What the controller wanted last, N, while the force is above that since the hand was blind.
+    /// The force that the controller wanted last, N, while the force is still above it after a blind phase.
     raised_from_n: Option<f64>,
 }
 
@@ -29,7 +29,7 @@ impl std::fmt::Debug for Guard {
 }
 
 impl Guard {
-    /// Guards a controller with limits that were checked.
+    /// Guards a controller. The limits must have been checked.
     pub fn new(inner: Box<dyn GripController + Send>, limits: GripLimits) -> Self {
         Guard {
             inner,
@@ -47,8 +47,9 @@ impl Guard {
         self.blind
     }
 
-    /// Holds with a force set by the task instead of the controller. The same limits apply: without a live finger, or after the object
-    /// was lost, the force does not fall, and what was raised while the hand was blind comes down slowly.
+    /// Holds with a force set by the task instead of the controller. The same limits apply: the force does not fall
+    /// without a live finger or after the object was lost, and a force that was raised while the hand was blind is
+    /// lowered slowly.
     pub fn hold(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState, force_n: f64) -> GripDecision {
         let seconds = step_s(self.last_ns.replace(now_ns), now_ns);
         if let Some(kept) = self.kept(now_ns, hand, gripper) {
@@ -58,7 +59,7 @@ impl Guard {
         self.limited(wanted)
     }
 
-    /// Whether the force is still above what is wanted, for it was raised while the hand was blind.
+    /// Whether the force is still above the wanted one because it was raised while the hand was blind.
     pub fn is_raised(&self) -> bool {
         self.raised_from_n.is_some()
     }
@@ -68,7 +69,7 @@ impl Guard {
         self.force_n
     }
 
-    /// The decision where there is nothing to go by; None where there is.
+    /// The decision while nothing can be judged; None otherwise.
     fn kept(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> Option<GripDecision> {
         let sees = hand.state != SlipState::Unjudged;
         let seen_ns = *self.seen_ns.get_or_insert(now_ns);
@@ -80,7 +81,8 @@ impl Guard {
         if sees && !jaws_gone {
             return None;
         }
-        // The force stays, or rises if that is set and something may be held; the arm waits once it is more than a frame.
+        // The force is kept, or raised if that is set and something may be held; the arm pauses once the hand counts as
+        // blind.
         if self.blind && !matches!(gripper.jaws, Jaws::Open | Jaws::Closing) {
             let raised_n = self.force_n.max(self.limits.blind_force_n.unwrap_or(0.0));
             if raised_n > self.force_n {
@@ -92,8 +94,8 @@ impl Guard {
         Some(GripDecision { force_n: self.force_n, arm })
     }
 
-    /// The controller knows nothing of a force that was raised while the hand was blind: what it adds is added to that, and it comes down
-    /// slowly, and only while nothing slips.
+    /// The controller does not know of a force that was raised while the hand was blind. Increases of the controller
+    /// are added to it; it is lowered slowly, and only while nothing slips.
     fn come_down(&mut self, wanted: GripDecision, seconds: f64, hand: &HandReport) -> GripDecision {
         let Some(before_n) = self.raised_from_n.filter(|_| wanted.force_n.is_finite()) else { return wanted };
         let wanted_n = wanted.force_n.clamp(self.limits.least_n, self.limits.most_n);

@@ -4,26 +4,26 @@
 //! ```text
 //!   used         f = 1 - margin, the largest among the fingers: load over the load at which the object slides
 //!   f > target         : P -> P f / target        at most `raise_n_per_s`
-//!   f < target - slack : P falls by `release_n_per_s`, not below the floor, once the load has stood for half a second;
-//!                        what is held beyond 1.5 times the wanted force faster: it decays with the rate `release_excess_per_s`
+//!   f < target - slack : P falls by `release_n_per_s`, not below the floor, once the load stood for half a second;
+//!                        beyond 1.5 times the wanted force it decays with rate `release_excess_per_s` if faster
 //! ```
 //!
-//! On a slippery object a step of the load needs a larger change of force, for which the gripper needs more time: there
-//! the target is lower. The friction is the monitor's estimate; where it is unknown the contact is assumed to be
-//! slippery.
+//! On a slippery object a step of the load needs a larger change of force, for which the gripper needs more time.
+//! Therefore the target is lower there. The friction is the monitor's estimate; where it is unknown the contact is
+//! assumed to be slippery.
 //!
-//! Where the view cuts the contact the margin is a poor witness, for the rim slips where nothing shows it: seven tenths of the
-//! target is held then ([`MarginSettings::cut_target_share`]), and under a load nothing is let go.
-//! Nor is it after a slide, until the load has fallen; nor while fewer fingers know a margin than did before in this grasp: the one
-//! that is missing may be the one that holds least.
+//! Where the view cuts the contact the margin is unreliable, because the rim slips outside the view. The target is then
+//! reduced to seven tenths ([`MarginSettings::cut_target_share`]), and the force is not lowered under a load. It is not
+//! lowered either after a slide until the load has fallen, nor while fewer fingers know a margin than before in this
+//! grasp: the missing finger may have the smallest margin.
 //!
-//! When a loaded finger in contact gives no margin, the grip is raised, slowly and up to a limit: see
+//! When a loaded finger in contact gives no margin, the force is raised slowly, up to a limit: see
 //! [`MarginSettings::unsure_n_per_s`].
 //!
 //! f is the monitor's estimate (step 5). The force f P at which the object would slide is averaged over
-//! [`MarginSettings::average_ns`]; above [`MarginSettings::urgent_fraction`] a single frame counts. It needs the
-//! stiffness of the gel (see [`Shear`](crate::sensor::Shear)) and the grip force; without the first the controller is
-//! refused, without the second the grip stays constant.
+//! [`MarginSettings::average_ns`]; above [`MarginSettings::urgent_fraction`] a single frame counts. The controller
+//! needs the stiffness of the gel (see [`Shear`](crate::sensor::Shear)) and the grip force: it is refused without the
+//! first, and keeps the grip constant without the second.
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived, step_s};
 use crate::hand::HandReport;
@@ -32,32 +32,32 @@ use crate::port::GripperState;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
-/// A contact whose margin was smaller when last known is loaded.
+/// A contact whose last known margin was smaller than this is loaded.
 const LOADED_MARGIN: f64 = 0.8;
 
-/// The least force that holds has grown, and grip is not let go, while it is above its mean over this time by this share and
-/// force. How much friction there is shows late: what is let go under a growing load would be missing then.
+/// The minimum holding force is growing, and the grip is not lowered, while it exceeds its mean over this time by this
+/// share plus this force. Friction is estimated late: force released under a growing load would be missing then.
 const STANDS_S: f64 = 0.5;
 const GROWN_FRACTION: f64 = 0.03;
 const GROWN_N: f64 = 0.1;
 
-/// After so long without a decision, ns, the means of before are of another time: they begin anew, and nothing is let go until the
-/// load has stood again.
+/// After a gap without a decision longer than this, ns, the averages are outdated: they are reset, and the force is not
+/// lowered until the load has been constant again.
 const LONGEST_GAP_NS: u64 = 250_000_000;
 
-/// Beyond so many times the wanted force what is held is an excess.
+/// Force beyond this multiple of the wanted force is excess.
 const EXCESS: f64 = 1.5;
 
-/// Share of the contact at the border of the view up to which a margin is not doubtful, and from which it is: the rim of what runs off
-/// the view slips where nothing shows it, and of a slippery bottle two thirds of what is used are told. Of a band of
-/// contact along ten columns of markers 0.1 are at one end, 0.2 at both.
+/// Share of the contact at the border of the view up to which a margin is reliable, and from which it is fully
+/// doubtful. The rim outside the view slips unseen: for a slippery bottle two thirds of the used fraction are
+/// estimated. For a band of contact along ten columns of markers the share is 0.1 at one end, 0.2 at both.
 const DOUBTFUL_CUT: (f64, f64) = (0.05, 0.15);
-/// From this fraction on nothing is let go on a doubtful word.
+/// With a doubtful margin the force is not lowered above this used fraction.
 const DOUBTFUL_LOADED_FRACTION: f64 = 0.15;
-/// After a slide grip is let go again once the least force that holds has fallen to this share of what it was then.
+/// After a slide the force is lowered again once the minimum holding force has fallen to this share of its value then.
 const EASED_FRACTION: f64 = 0.3;
 
-/// Friction coefficients down from which a contact is slippery, and from which it is not.
+/// Friction coefficient at or below which a contact counts as slippery, and from which it does not.
 const FRICTION: (f64, f64) = (0.3, 0.9);
 
 /// Settings of [`Margin`].
@@ -72,24 +72,25 @@ pub struct MarginSettings {
     /// Target used fraction for a friction coefficient of 0.3 or less, or an unknown one; at most `target_fraction`;
     /// linear in between.
     pub slippery_target_fraction: f64,
-    /// Share of the target that is held where the view cuts the contact; 1 trusts the margin all the same.
+    /// Share of the target that is held where the view cuts the contact; 1: no reduction.
     pub cut_target_share: f64,
-    /// Used fraction above which a single frame counts, not the average.
+    /// Used fraction above which a single frame counts instead of the average.
     pub urgent_fraction: f64,
-    /// Averaging time of the least force that holds, ns.
+    /// Averaging time of the minimum holding force, ns.
     pub average_ns: u64,
     /// The grip is reduced while the used fraction is below the target by more than this.
     pub slack_fraction: f64,
-    /// Fastest rise, N per finger and second.
+    /// Maximum rate of increase, N per finger and second.
     pub raise_n_per_s: f64,
-    /// Rate at which the grip is reduced, N per finger and second; 0: never.
+    /// Rate of reduction, N per finger and second; 0: never.
     pub release_n_per_s: f64,
-    /// Decay rate, 1/s, of the force beyond 1.5 times the wanted one, where that is faster than `release_n_per_s`: after
-    /// a cap has broken loose the grip is many times larger than needed. 0: always `release_n_per_s`.
+    /// Decay rate, 1/s, of the force beyond 1.5 times the wanted one, where that is faster than `release_n_per_s`:
+    /// after a cap has broken loose the grip is many times larger than needed. 0: always `release_n_per_s`.
     pub release_excess_per_s: f64,
-    /// Rate of rise while a contact that was loaded when last judged gives no margin, N per finger and second; 0 waits.
+    /// Rate of increase while a contact that was loaded when last judged gives no margin, N per finger and second; 0:
+    /// none.
     pub unsure_n_per_s: f64,
-    /// Limit of that rise, as a fraction of the grip at which it began.
+    /// Limit of that increase, as a fraction of the grip at which it began.
     pub unsure_most_fraction: f64,
 }
 
@@ -135,7 +136,7 @@ impl MarginSettings {
         within("margin.unsure_most_fraction", self.unsure_most_fraction, 0.0, 10.0)
     }
 
-    /// The used fraction to hold at this friction and in this doubt.
+    /// Target used fraction for this friction and this doubt.
     fn target(&self, friction: Option<f64>, doubt: f64) -> f64 {
         let (slippery, firm) = FRICTION;
         let firm_fraction =
@@ -145,7 +146,7 @@ impl MarginSettings {
         sure * (1.0 - doubt * (1.0 - self.cut_target_share))
     }
 
-    /// How much of `force_n` is let go in so many seconds where less is wanted, N per finger: alike at every rate of the loop.
+    /// How much of `force_n` is released in this time when less is wanted, N per finger; independent of the loop rate.
     pub fn let_go_n(&self, force_n: f64, wanted_n: f64, seconds: f64) -> f64 {
         if self.release_n_per_s <= 0.0 {
             return 0.0;
@@ -154,7 +155,7 @@ impl MarginSettings {
         (self.release_n_per_s * seconds).max(excess_n * (1.0 - libm::exp(-self.release_excess_per_s * seconds)))
     }
 
-    /// The same with the stiffness of the finger where the settings have none. Fails when neither has one.
+    /// The same, with the stiffness of the finger if the settings have none. Fails when neither has one.
     pub fn for_finger(&self, of_finger_mpa_per_mm: Option<f64>) -> Result<Self, SettingError> {
         let of_finger = of_finger_mpa_per_mm.unwrap_or(0.0);
         let stiffness_mpa_per_mm = if self.stiffness_mpa_per_mm > 0.0 { self.stiffness_mpa_per_mm } else { of_finger };
@@ -169,7 +170,7 @@ impl MarginSettings {
     }
 }
 
-/// How doubtful a margin is where so much of the contact is cut, 0 to 1.
+/// Doubt about a margin when this share of the contact is cut, 0 to 1.
 fn doubt(cut_fraction: f64) -> f64 {
     let (none, full) = DOUBTFUL_CUT;
     ((cut_fraction - none) / (full - none)).clamp(0.0, 1.0)
@@ -182,14 +183,14 @@ pub struct Margin {
     limits: GripLimits,
     force_n: f64,
     last_ns: Option<u64>,
-    /// Average of the least force that holds, N: the one at which the object would slide.
+    /// Averaged minimum holding force, N: the force at which the object would slide.
     least_n: Option<f64>,
-    /// The same over [`STANDS_S`], N.
+    /// Its average over [`STANDS_S`], N.
     before_n: f64,
     margin: Option<f64>,
-    /// The most fingers that knew a margin at a time, since the hand held nothing.
+    /// The largest number of fingers with a margin at a time, since the hand last held nothing.
     margins_most: u32,
-    /// The least force that holds when the object slid last, N.
+    /// Minimum holding force at the last slide, N.
     slid_at_n: Option<f64>,
     /// Grip when the margin of a loaded contact was lost, N.
     unsure_from_n: Option<f64>,
@@ -220,7 +221,7 @@ impl Margin {
         })
     }
 
-    /// Whether a finger is missing that knew a margin before in this grasp.
+    /// Whether a finger that had a margin earlier in this grasp has none now.
     fn misses_finger(&mut self, hand: &HandReport) -> bool {
         if hand.state == SlipState::NoContact && hand.live_count >= self.margins_most {
             self.margins_most = 0;
@@ -229,8 +230,8 @@ impl Margin {
         hand.margins_count < self.margins_most
     }
 
-    /// The least force that holds, by what this frame says: averaged, for a single frame is noisy. It does not change with the
-    /// grip, and does not fall while a finger is missing (`misses`): of what it held the others say nothing.
+    /// Minimum holding force, averaged, because a single frame is noisy. It does not depend on the grip. It does not
+    /// fall while a finger is missing (`misses`): the other fingers cannot measure the load on that finger.
     fn least_n(&mut self, used: f64, pressed_n: f64, seconds: f64, misses: bool) -> f64 {
         let told_n = used * pressed_n;
         let average_s = self.settings.average_ns as f64 * 1e-9;
@@ -242,8 +243,8 @@ impl Margin {
         if used >= self.settings.urgent_fraction { now_n.max(average_n) } else { average_n }
     }
 
-    /// Nothing says how much of the friction is used. What was loaded when last seen may slip by now; what nobody sees at all
-    /// (no frames, no contact) says nothing.
+    /// No margin is known. A contact that was loaded when last judged may be slipping; without frames or contact
+    /// nothing is known.
     fn without_margin(&mut self, hand: &HandReport, seconds: f64) -> GripDecision {
         let was_loaded = self.margin.is_some_and(|margin| margin < LOADED_MARGIN);
         if hand.state == SlipState::Unsure && was_loaded {
@@ -274,7 +275,7 @@ impl GripController for Margin {
         let misses = self.misses_finger(hand);
         let pressed_n = gripper.pressed_n().filter(|n| n.is_finite() && *n > 0.0);
         let gross = hand.state == SlipState::Gross;
-        // An object that slides uses all there is, whatever the load says.
+        // An object that slides uses all friction, whatever the estimate.
         let used = hand.margin.map(|margin| 1.0 - margin).map(|used| if gross { used.max(1.0) } else { used });
         let (Some(used), Some(pressed_n)) = (used.or(gross.then_some(1.0)), pressed_n) else {
             return self.without_margin(hand, seconds);
@@ -292,7 +293,7 @@ impl GripController for Margin {
         if gross {
             self.slid_at_n = Some(least_n);
         }
-        // What has slid once was told wrongly before: what stopped it is kept while the load stays.
+        // The margin before a slide was wrong: the force that stopped the slide is kept while the load persists.
         self.slid_at_n = self.slid_at_n.filter(|slid_at_n| least_n > EASED_FRACTION * slid_at_n);
         let keeps = misses || self.slid_at_n.is_some() || doubt > 0.0 && used > DOUBTFUL_LOADED_FRACTION;
         let slack = self.settings.slack_fraction.min(target);
@@ -302,7 +303,7 @@ impl GripController for Margin {
             self.force_n = wanted_n.max(self.force_n - release_n);
         }
         self.force_n = self.force_n.clamp(self.limits.least_n, self.limits.most_n);
-        // The arm waits while the grip is behind the load.
+        // The arm waits while the grip lags behind the load.
         let behind = self.force_n > 1.2 * pressed_n && used > target + 0.15;
         GripDecision { force_n: self.force_n, arm: if behind { ArmMotion::Pause } else { ArmMotion::Go } }
     }

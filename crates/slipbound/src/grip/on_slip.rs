@@ -1,11 +1,11 @@
-//! The law of the paper's bottle experiments: hold with 10 N; on incipient slip pause, add 10 N, go on; 60 N at most.
+//! The law of the paper's bottle experiments: hold with 10 N; at incipient slip pause, add 10 N, continue, up to 60 N.
 //!
 //! ```text
 //!   force   60 |                    ____
 //!              |               ____|        x  incipient slip
 //!              |          ____|x   x
 //!           10 |_________|x
-//!              +---------------------------> time     the arm pauses at each step until the force has arrived
+//!              +---------------------------> time     the arm pauses at each step until the force has been reached
 //! ```
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived};
@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct OnSlipSettings {
-    /// Force per finger added at each slip, N: 10 in the paper. Negative for laying down: each slip loosens the grip.
+    /// Force per finger added at each slip, N: 10 in the paper. Negative for laying down: each slip lowers the force.
     pub step_n: f64,
     /// Time after a step in which further slip counts as the same slip, ns.
     pub hold_off_ns: u64,
@@ -61,14 +61,14 @@ impl OnSlipSettings {
 #[derive(Debug, Clone, Copy)]
 enum Phase {
     Steady,
-    /// The force is on its way since the first time; it has stood since the second.
+    /// The force has been changing since `since_ns`; it reached its target at `arrived_ns`.
     Stepping {
         since_ns: u64,
         arrived_ns: Option<u64>,
     },
 }
 
-/// A step of force at each incipient slip.
+/// A force step at each incipient slip.
 #[derive(Debug, Clone)]
 pub struct OnSlip {
     settings: OnSlipSettings,
@@ -100,7 +100,7 @@ impl OnSlip {
         self.last_alarm_ns = Some(now_ns);
         let force_n = (self.force_n + self.settings.step_n).clamp(self.limits.least_n, self.limits.most_n);
         if force_n == self.force_n {
-            // Slip while the gripper is still on its way to that force proves nothing.
+            // Slip before the gripper has reached that force proves nothing.
             self.wants_more |= self.settings.step_n > 0.0 && arrived(self.force_n, gripper);
             return;
         }

@@ -1,37 +1,38 @@
-//! Whether a finger's newest frame is of now: how old it is, and how far behind those of the other fingers.
+//! Whether a finger's newest frame is recent: its age, and its lag behind the frames of the other fingers.
 //!
-//! Age counts on the loop's clock from when the frame came. How far a finger lags behind another is told by the times of
-//! their cameras, whose clocks need not agree: what counts is how the difference changes after the first frames, of which
-//! some may have come late.
+//! The age is measured on the loop's clock from the arrival of the frame. The lag behind another finger is measured
+//! with the cameras' times, whose clocks need not agree: it is the change of their difference since the first frames,
+//! some of which may have arrived late.
 
-/// Age of a finger's newest frame, and lag of its frames behind those of another finger, beyond which it is not live, ns:
-/// three frames at 30 Hz.
+/// Age of a finger's newest frame, and lag of its frames behind those of another finger, beyond which it is not live,
+/// ns: three frames at 30 Hz.
 const STALE_NS: u64 = 100_000_000;
 
-/// Rate at which the clocks of two cameras may drift apart: a lag that grows no faster is none.
+/// Maximum drift rate between the clocks of two cameras: a lag that grows no faster is ignored.
 const CLOCK_DRIFT_FRACTION: f64 = 1e-3;
 
-/// Jump of a camera's clock against the loop's that is a new clock, ns: a camera that was plugged in again. A smaller one is, too, where
-/// no lag explains it: its time runs backwards, or its frames come sooner than they ever did (a clock that was set). And where nothing has
-/// been seen of it for so long that it may have drifted by as much as a lag.
+/// Jump of a camera's clock against the loop's clock that counts as a new clock, ns: the camera was plugged in again. A
+/// smaller jump counts too if no lag explains it: its time runs backwards, or frames arrive earlier than ever before (a
+/// clock that was set). So does a gap without frames in which the clock may have drifted by as much as a lag.
 const NEW_CLOCK_NS: i128 = 1_000_000_000;
 
-/// The first frames, the middle difference of which is that of the clocks: half a second at 30 Hz. One in the middle of which
-/// the computer had something else to do would be believed for minutes.
+/// Number of first frames whose median difference is taken as the clock offset: half a second at 30 Hz. A single frame
+/// delayed by a busy computer would distort it for minutes.
 const FIRST_COUNT: usize = 15;
 
-/// How far the clock of a finger is ahead of the first finger's.
+/// Clock offset of a finger relative to the first finger.
 #[derive(Debug, Clone, Copy, Default)]
 struct Ahead {
-    /// What it was in the first frames, ns, and how many there were.
+    /// The offset in the first frames, ns, and their number.
     first_ns: [f64; FIRST_COUNT],
     count: usize,
-    /// What it is taken for, ns.
+    /// Estimated offset, ns.
     ns: f64,
 }
 
 impl Ahead {
-    /// How far a frame is ahead of one of the first finger, ns, by the difference of their times. `is_new`: one of them is new.
+    /// How far a frame is ahead of one of the first finger, ns, from the difference of their times. `is_new`: one of
+    /// them is new.
     fn lead_ns(&mut self, difference_ns: f64, is_new: bool, drift_ns: f64) -> f64 {
         if is_new && self.count < FIRST_COUNT {
             self.first_ns[self.count] = difference_ns;
@@ -48,32 +49,32 @@ impl Ahead {
     }
 }
 
-/// When the frames of a finger came, and how old they were.
+/// Arrival times and delays of the frames of a finger.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Freshness {
-    /// The time of a frame that came since the last report, ns of its camera, where it has one.
+    /// A frame that arrived since the last report: its camera time, ns, where it has one.
     new: Option<Option<u64>>,
-    /// When its newest frame came, ns of the loop.
+    /// Arrival of its newest frame, ns of the loop.
     seen_ns: Option<u64>,
-    /// The time of the newest frame that could be judged, ns of its camera, and when it came, ns of the loop.
+    /// Time of the newest frame that could be judged, ns of its camera, and its arrival, ns of the loop.
     time_ns: Option<u64>,
     timed_ns: u64,
-    /// The least that came between the two, ns of different clocks.
+    /// The smallest difference between the two, ns of different clocks.
     least_delay_ns: i128,
     ahead: Ahead,
-    /// Whether a frame with a time has come since the last report, and whether its time is of a new clock.
+    /// Whether a frame with a time has arrived since the last report, and whether its time is of a new clock.
     has_new: bool,
     is_new_clock: bool,
     is_stale: bool,
 }
 
 impl Freshness {
-    /// A frame with this time has come; None where its time is not that of the camera's clock, or unknown.
+    /// A frame with this time has arrived; None where its time is unknown or not from the camera's clock.
     pub fn see(&mut self, time_ns: Option<u64>) {
         self.new = Some(time_ns);
     }
 
-    /// When its newest frame came, ns of the loop.
+    /// Arrival of its newest frame, ns of the loop.
     pub fn seen_ns(&self) -> Option<u64> {
         self.seen_ns
     }
@@ -100,7 +101,7 @@ impl Freshness {
 
     fn take_time(&mut self, now_ns: u64, time_ns: u64) {
         self.has_new = true;
-        // Clocks may be anywhere: the difference of any two fits.
+        // Clocks may have any offset: the difference of any two fits.
         let delay_ns = i128::from(now_ns) - i128::from(time_ns);
         match self.time_ns {
             None => self.least_delay_ns = delay_ns,
@@ -121,7 +122,7 @@ impl Freshness {
     }
 }
 
-/// Brings the fingers to a time of the loop. `step_ns`: time since this was done last.
+/// Advances the fingers to a time of the loop. `step_ns`: time since the last call.
 pub(super) fn advance<'a>(fingers: impl Iterator<Item = &'a mut Freshness>, now_ns: u64, step_ns: u64) {
     let drift_ns = step_ns as f64 * CLOCK_DRIFT_FRACTION;
     let mut first: Option<&mut Freshness> = None;
@@ -132,11 +133,11 @@ pub(super) fn advance<'a>(fingers: impl Iterator<Item = &'a mut Freshness>, now_
             first = Some(finger);
             continue;
         };
-        // A new clock of the first finger is one against which all others are new.
+        // If the first finger has a new clock, the offsets of all others are void.
         if finger.is_new_clock || first.is_new_clock {
             finger.ahead = Ahead::default();
         }
-        // Of what has not been seen for a while it says nothing: neither how late it is nor how its clock drifts.
+        // Without recent frames neither lag nor clock drift is known.
         if finger.is_outdated(now_ns) || first.is_outdated(now_ns) {
             continue;
         }

@@ -1,12 +1,13 @@
-//! The coarse cells of a picture on the rectified image: which camera cell each shows, and which of them markers cover. Contact on smooth gels and the rest frame are computed on these.
+//! Coarse cells on the rectified image: which camera cell each one shows, and which ones markers cover. Contact on
+//! smooth gels and the rest frame are computed on them.
 
 use crate::pixels::cells::Cells;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
-/// Sides that a cell may have, px.
+/// Possible sides of a cell, px.
 const CELLS_PX: [usize; 3] = [4, 8, 16];
-/// Cells are at most so wide, in pitches; and where there would be more than [`MOST_COUNT`], at most so wide.
+/// Widest cell, in pitches; and widest cell where there would be more than [`MOST_COUNT`].
 const FINE_PITCH: f64 = 0.17;
 const COARSE_PITCH: f64 = 0.36;
 const MOST_COUNT: usize = 10_000;
@@ -23,8 +24,9 @@ pub(crate) struct CellMap {
 }
 
 impl CellMap {
-    /// Cells of a sixth of a pitch: fine enough to see between large markers, coarse enough to average noise. Where that makes more of
-    /// them than a frame has time for, up to twice as wide: contact and evidence are then nearly as good (bench/eval.md).
+    /// Cells of a sixth of a pitch: fine enough to see between large markers, coarse enough to average noise. Up to
+    /// twice as wide where there would be too many to process in a frame: contact and evidence are then nearly as good
+    /// (bench/eval.md).
     pub(crate) fn cell_px(sensor: &Sensor) -> usize {
         let size = sensor.rectified_px();
         let count = |c: usize| (size.width / c) * (size.height / c);
@@ -52,7 +54,7 @@ impl CellMap {
             .map(|i| {
                 let corner = Vec2::new((i % columns) as f64, (i / columns) as f64) * cell_px as f64;
                 let there = sensor.camera_from_rectified(corner + Vec2::new(half, half));
-                // Without a rectification the border is that of the picture, and known as such.
+                // Without a rectification, the border is that of the image, and known.
                 sensor.rectification.is_some()
                     && !(seen(there.x, sensor.image_px.width) && seen(there.y, sensor.image_px.height))
             })
@@ -65,7 +67,7 @@ impl CellMap {
         self.camera_cell.len()
     }
 
-    /// Of each cell, the camera cell that it shows.
+    /// The camera cell shown by each cell.
     pub(crate) fn camera_cells(&self) -> &[u32] {
         &self.camera_cell
     }
@@ -100,7 +102,7 @@ impl CellMap {
     }
 }
 
-/// Radius around a marker within which cells do not count: its own, its blurred rim, and half a cell of motion.
+/// Radius around a marker within which cells do not count: its own radius, its blurred rim, and half a cell of motion.
 pub(crate) fn cover_radius_px(sensor: &Sensor) -> f64 {
     0.55 * sensor.marker_diameter_px + 1.5
 }
@@ -154,7 +156,7 @@ mod tests {
                 let top = (i / map.columns * 4) as f64 - 0.5;
                 let away_px = Vec2::new(x - x.clamp(left, left + 4.0), y - y.clamp(top, top + 4.0)).length();
                 assert!(!covered || away_px <= radius_px, "cell {i}, {away_px} px from {x}, {y}");
-                // The last half pixel before the middle of the next is not taken so exactly.
+                // The covered range is exact to half a pixel.
                 assert!(covered || away_px > radius_px - 0.5, "cell {i}, {away_px} px from {x}, {y}");
             }
         }

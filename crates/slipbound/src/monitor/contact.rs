@@ -1,7 +1,7 @@
 //! Step 1: imprint -> contact region.
 //!
 //! ```text
-//!   fabric skin: the pressed weave has edges           smooth gel: shading has left the rest picture
+//!   fabric skin: the pressed weave has edges           smooth gel: shading differs from the rest frame
 //!   flat --Canny--> edges --close, erode, dilate-->    cells - rest cells --fill, close, outline-->
 //!                                      \_____ region _____/
 //!                                              | empty
@@ -41,35 +41,37 @@ pub struct ContactSettings {
     pub on_frames_count: u32,
     /// Fabric: side of the square that joins edges. The released code: 6 px at a pitch of 15.2 px.
     pub close_pitch: f64,
-    /// Fabric: side of the square that removes what is thinner, markers among it. The released code: 11 px.
+    /// Fabric: side of the square that removes thinner structures, such as markers. The released code: 11 px.
     pub erode_pitch: f64,
-    /// Fabric: diameter of the ellipse that gives the region its size back. The released code: 25 px, which
-    /// makes the region half a pitch too wide all round; simulated contacts overlap theirs best at 8 to 10 px.
+    /// Fabric: diameter of the ellipse that restores the size of the region. The released code: 25 px, which makes the
+    /// region half a pitch too wide on all sides; the overlap with simulated contacts is best at 8 to 10 px.
     pub dilate_pitch: f64,
-    /// Fabric: whether what looks like contact in the rest frame (a scratch, a reflex) is left out from then on.
+    /// Fabric: whether regions that look like contact in the rest frame (a scratch, a reflection) are ignored.
     pub hide_rest_edges: bool,
-    /// Fabric: whether small and weak pieces of the region are dropped, which noise makes of a weave that nothing presses.
+    /// Fabric: whether small and weak pieces of the region are dropped; noise on an unpressed weave causes them.
     pub drop_weak_pieces: bool,
     /// Smooth gel: change of a cell's colour, in its most changed channel, that counts as contact.
     pub change_levels: f64,
-    /// Smooth gel: share of the strongest change that a cell must reach, too. An imprint reflects light onto the gel around it: on a GelSlim
-    /// 3.0 a change of 100 levels under a ball comes with 20 all around it.
+    /// Smooth gel: a cell must also reach this share of the strongest change. An imprint reflects light onto the gel
+    /// around it: on a GelSlim 3.0, a change of 100 levels under a ball comes with 20 around it.
     pub change_fraction: f64,
-    /// Smooth gel: gaps of this width inside the region are closed; the rim of a flat object shows, its middle hardly.
+    /// Smooth gel: gaps of this width inside the region are closed: the rim of a flat object is visible, its middle
+    /// hardly.
     pub smooth_close_pitch: f64,
-    /// Smooth gel: the region ends where the change falls below this share of the strongest within half of `smooth_close_pitch`, and what it
-    /// encloses with one side of the view or with two opposite ones belongs to it. The gel slopes most at the rim of a contact, and less and
-    /// less from there on outwards. Zero: wherever the change counts as contact.
+    /// Smooth gel: the region ends where the change falls below this share of the strongest change within half of
+    /// `smooth_close_pitch`. Areas that it encloses together with one side of the view, or with two opposite sides,
+    /// belong to it. The slope of the gel is largest at the rim of a contact and decreases outwards. Zero: the region
+    /// is wherever the change counts as contact.
     pub rim_fraction: f64,
-    /// Where the picture shows no contact, there is one where markers are displaced by more than this, and their neighbours
-    /// with them: a flat face over the whole pad has no rim to be seen. Zero: the picture alone decides, as in the paper.
+    /// Where the image shows no contact, markers displaced by more than this, together with their neighbours, show one:
+    /// a flat face over the whole pad has no visible rim. Zero: the image alone decides, as in the paper.
     pub displaced_pitch: f64,
-    /// Markers in contact at which the patch is large enough for full quality.
+    /// Number of markers in contact from which the patch is large enough for full quality.
     pub full_markers_count: u32,
     /// Below this quality the state is `unsure`.
     pub unsure_below_quality: f64,
-    /// While something touches the region is found anew once in so many ms at most, ms: in every third frame of a camera at 90 Hz. Zero: in
-    /// every frame.
+    /// Minimum time between two updates of the region while something touches, ms: every third frame of a camera at 90
+    /// Hz. Zero: every frame.
     pub period_ms: f64,
 }
 
@@ -119,8 +121,8 @@ impl ContactSettings {
     }
 }
 
-/// A weave that is near the camera or well lit has edges here and there that nothing presses. What is left of them where edges have
-/// been closed and eroded is small, or edges fill less of it than this share of what they fill in the largest piece.
+/// An unpressed weave that is near the camera or well lit also shows edges in places. After closing and erosion, pieces
+/// made of them are small, or have an edge density below this share of that of the largest piece.
 const LEAST_PIECE_PITCH: f64 = 0.5;
 const WEAK_PIECE_FRACTION: f64 = 0.6;
 
@@ -167,7 +169,7 @@ impl TextureContact {
         self.find_with(flat, seen, self.drops_weak, region)
     }
 
-    /// The same, and whether weak pieces are dropped.
+    /// The same; `drop_weak`: whether weak pieces are dropped.
     fn find_with(&mut self, flat: &[u8], seen: Option<&Mask>, drop_weak: bool, region: &mut Mask) -> f64 {
         let size = region.size();
         let mut from = 0;
@@ -194,7 +196,7 @@ impl TextureContact {
         f64::from(inside) / region.area_px2().max(1) as f64
     }
 
-    /// Leaves out from now on what looks like contact in this picture of a finger at rest.
+    /// Hides, in all later frames, what looks like contact in this image of a finger at rest.
     fn hide(&mut self, flat: &[u8], seen: Option<&Mask>) {
         let mut region = Mask::new(self.edges.size());
         self.find_with(flat, seen, false, &mut region);
@@ -208,22 +210,22 @@ enum RegionFinder {
     Shading(Box<ShadingContact>),
 }
 
-/// Share of edge pixels in a pressed weave at which its strength is full: threads of three to six pixels give one
-/// edge pixel in five.
+/// Share of edge pixels in a pressed weave at full strength: threads of three to six pixels give one edge pixel in
+/// five.
 const FULL_EDGE_SHARE: f64 = 0.2;
 
-/// What is known of where the markers stand while nothing touches.
+/// Which marker positions are known to be those of the untouched finger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Untouched {
-    /// At rest.
+    /// The rest positions.
     AtRest,
-    /// Nowhere yet: the rest frame shows a contact, and so does the picture since.
+    /// None yet: the rest frame and all images since show a contact.
     Unseen,
-    /// That contact has ended: where they are now, until something touches.
+    /// That contact has ended: the current ones, until something touches.
     Now,
 }
 
-/// Step 1, with its memory of whether something touches.
+/// Step 1, with its contact state.
 #[derive(Debug, Clone)]
 pub(super) struct Contact {
     settings: ContactSettings,
@@ -231,20 +233,21 @@ pub(super) struct Contact {
     displaced: Option<DisplacedContact>,
     frames_above_count: u32,
     starts_in_contact: bool,
-    /// Where displacement from rest tells nothing: nowhere but at [`Untouched::AtRest`].
+    /// Displacement from rest shows contact only at [`Untouched::AtRest`].
     pub(super) untouched: Untouched,
     /// Whether something touches.
     pub(super) touches: bool,
-    /// Whether only displacement says so.
+    /// Whether only displacement shows the contact.
     pub(super) by_displacement: bool,
     /// The region; empty while nothing touches.
     pub(super) region: Mask,
     /// Its area in px.
     pub(super) area_px2: usize,
-    /// Its middle, px; None while nothing touches and where only displacement shows it, for that region moves with the markers.
+    /// Its middle, px; None while nothing touches and where only displacement shows the contact, because that region
+    /// moves with the markers.
     pub(super) middle_px: Option<Vec2>,
-    /// How strong the imprint is, 0 to 1. Smooth gel: 0 at the change that counts as contact, 1 at twice that. Fabric:
-    /// the share of edge pixels over that of a pressed weave.
+    /// Strength of the imprint, 0 to 1. Smooth gel: 0 at the change that counts as contact, 1 at twice that. Fabric:
+    /// the share of edge pixels divided by that of a pressed weave.
     pub(super) strength: f64,
 }
 
@@ -321,7 +324,7 @@ impl Contact {
             }
         }
         self.strength = self.strength.clamp(0.0, 1.0);
-        // What has changed elsewhere is no part of a contact that displacement alone shows.
+        // Changes elsewhere do not belong to a contact that only displacement shows.
         let by_picture = seen || self.displaced.is_none();
         let share = if by_picture { of_region(self.area_px2) } else { self.area_px2 as f64 / whole_px2 };
         self.frames_above_count = if share > on { self.frames_above_count + 1 } else { 0 };
@@ -355,15 +358,15 @@ impl Contact {
     }
 }
 
-/// `bare_sharpness` of sensor files is measured with a region that is grown back by so much, whatever the settings say, pitches.
+/// Dilation, in pitches, with which `bare_sharpness` of sensor files is measured, whatever the settings.
 const SHARPNESS_DILATE_PITCH: f64 = 18.0 / 15.2;
 
-/// How much of the picture looks like pressed weave, without any rest frame: for fabric skins only.
+/// Share of the image that looks like pressed weave, without a rest frame; for fabric skins only.
 pub(super) fn texture_share(sensor: &Sensor, settings: &ContactSettings, imprint: &Imprint) -> f64 {
     let settings = ContactSettings { dilate_pitch: SHARPNESS_DILATE_PITCH, ..settings.clone() };
     let mut texture = TextureContact::new(sensor, &settings);
     let mut region = Mask::new(imprint.size());
-    // Every piece, as `bare_sharpness` of a sensor counts them.
+    // All pieces count, as for `bare_sharpness` of a sensor.
     texture.find_with(&imprint.flat, imprint.seen(), false, &mut region);
     region.area_px2() as f64 / imprint.size().area() as f64
 }

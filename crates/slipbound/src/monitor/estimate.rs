@@ -10,9 +10,9 @@
 //!                  friction mu = F / (f P), gathered over the frames of a contact (friction.rs)
 //! ```
 //!
-//! The sum over all markers is the load on a bonded layer whatever the contact looks like: the compliance of a uniform
-//! traction is h/G (docs/simulator.md). Load alone says how much is asked; how far the rim lags says how much friction
-//! is left; together they know the friction.
+//! On a bonded layer, the sum over all markers is the load whatever the shape of the contact: the compliance to a
+//! uniform traction is h/G (docs/simulator.md). The load shows how much friction is demanded, the lag of the rim how
+//! much is left; both together give the friction.
 
 mod features;
 mod field;
@@ -43,24 +43,27 @@ use window::{Sample, Stretches, Window};
 
 /// Fewest markers in contact for an estimate.
 const LEAST_POINTS: usize = 4;
-/// Width by which a patch that sticks drags the gel around it, 0.64 of a layer of 3 mm, in mm, and in pitches where the
-/// pitch in mm is unknown.
+/// Width of the surrounding gel that a sticking patch drags along: 0.64 of a layer of 3 mm, in mm, and in pitches where
+/// the pitch in mm is unknown.
 const SKIRT_MM: f64 = 1.92;
 const SKIRT_PITCH: f64 = 1.28;
-/// Time constant of the mean of the grip force, s, and how far it may be from the reading, N and as a share of it: a grip that
-/// grows at 60 N/s would be 6 N ahead of its mean, and the load would seem to use a third more of it.
+/// Time constant of the mean of the grip force, s, and its largest deviation from the reading, N and as a share of it.
+/// Without that limit the reading of a grip that grows at 60 N/s would be 6 N ahead of the mean, and the load would
+/// seem to use a third more of it.
 const GRIP_S: f64 = 0.1;
 const GRIP_BEHIND_N: f64 = 1.2;
 const GRIP_BEHIND_FRACTION: f64 = 0.05;
-/// A grip force that is not read is taken to be what it was for so long, s: grippers are read more seldom than a camera, and a reading may be late.
+/// Without a reading, the last grip force is kept for this time, s: grippers are read less often than cameras, and a
+/// reading may be late.
 const GRIP_HOLDS_S: f64 = 0.3;
-/// A load over the grip force from which the object is being pulled, whatever grip and area do.
+/// Load over grip force above which the finger counts as loaded, even if grip and area have not settled.
 const LOADED_FRACTION: f64 = 0.2;
-/// A load over the grip force below which a lighter grip leaves squeeze and no slip to speak of: of what holds at a friction of 0.25, a third.
+/// Load over grip force below which a lighter grip leaves squeeze but hardly any slip: a third of what a friction of
+/// 0.25 holds.
 const HARDLY_PULLED_FRACTION: f64 = 0.08;
 
-/// Friction is taken to be at least this: wet or oily glass on silicone. On something still more slippery slip is told of
-/// later, at 0.25 / mu of the load that is usual.
+/// Lower bound of the friction: wet or oily glass on silicone. On a more slippery object slip is reported later, at
+/// 0.25 / mu of the usual load.
 const LEAST_FRICTION: f64 = 0.25;
 
 /// Step 5, with its memory of the contact.
@@ -82,7 +85,7 @@ pub(super) struct Estimator {
     motion: Option<RigidMotion>,
     stiffest_px2: f64,
     grip_n: Option<f64>,
-    /// Time since the last reading of it, s, and whether the margin of the last frame rested on it.
+    /// Time since the last reading of it, s, and whether the margin of the last frame was based on it.
     unread_s: f64,
     knew_grip: bool,
     time_s: f64,
@@ -96,20 +99,21 @@ pub(super) struct Estimator {
     pub(super) features: Option<Features>,
     /// Load in the plane, and torque over the mean radius of the contact, in the same unit.
     load_px3: (Vec2, f64),
-    /// The torque as the force that moves the contact as far as the torque moves its points in the mean, see [`Learned::lever_px`].
+    /// The torque as an equivalent force: that which moves the contact as far as the torque moves its points on
+    /// average, see [`Learned::lever_px`].
     turning_px3: f64,
 }
 
-/// What a frame shows of load and contact.
+/// Load and contact in a frame.
 struct Seen {
     force_px3: Vec2,
-    /// As it is told.
+    /// The reported torque.
     torque_px4: f64,
-    /// Force and moment as one number, see [`Learned::load_px3`].
+    /// Force and moment combined, see [`Learned::load_px3`].
     load_px3: f64,
     /// Middle of the contact, px.
     middle: Vec2,
-    /// Area of the contact, with what of it is out of view.
+    /// Area of the contact, including the part out of view.
     area_px2: f64,
 }
 
@@ -158,28 +162,29 @@ impl Estimator {
         }
     }
 
-    /// Whether displacement under load is counted: the finger has been squeezed.
+    /// Whether the reference of displacement under load is taken: the finger has been squeezed.
     pub fn has_reference(&self) -> bool {
         self.reference.is_taken()
     }
 
-    /// Whether the margin rests on grip force and stiffness, not on the picture alone.
+    /// Whether the margin is based on grip force and stiffness, not on images alone.
     pub fn knows_grip(&self) -> bool {
         self.stiffness_n_per_px3.is_some() && self.grip_n.is_some_and(|n| n > 0.0)
     }
 
-    /// What the load of the last frame moves, as two forces: it in the plane, and what turns.
+    /// Load of the last frame as two forces: in the plane, and the torque as an equivalent force.
     pub fn pull_and_turn_px3(&self) -> (Vec2, f64) {
         (self.load_px3.0, self.turning_px3)
     }
 
-    /// Of the last frame: when it was, s since the contact began; load and torque as one number; the mean grip force where it is known, N.
+    /// Of the last frame: its time, s since the contact began; load and torque combined; the mean grip force where
+    /// known, N.
     pub fn load_now(&self) -> (f64, f64, Option<f64>) {
         let (force, torque) = self.load_px3;
         (self.time_s, libm::hypot(force.length(), torque), self.grip_n)
     }
 
-    /// Nothing touches.
+    /// Resets after contact is lost.
     pub fn clear(&mut self) {
         self.reference.clear();
         self.window.clear();
@@ -197,27 +202,27 @@ impl Estimator {
         (self.load_px3, self.turning_px3) = ((Vec2::ZERO, 0.0), 0.0);
     }
 
-    /// Goes by other trees from here.
+    /// Uses other trees from here on.
     pub fn go_by(&mut self, trees: &EstimateTrees) {
         self.trees = trees.0.clone();
     }
 
-    /// Whether the imprint of the next frame moves over the gel as that of an object that slides.
+    /// Sets whether the imprint of the next frame slides over the gel.
     pub fn imprint_slides(&mut self, slides: bool) {
         self.imprint_slides = slides;
     }
 
-    /// Whether the object slides as a whole in the last frame.
+    /// Sets whether the object slides as a whole in the last frame.
     pub fn slides(&mut self, slides: bool) {
         self.friction.slides(slides);
     }
 
-    /// All displacement from rest counts as load, until nothing touches: for a contact that the picture does not show.
+    /// All displacement from rest counts as load until contact is lost: for a contact that the image does not show.
     pub fn count_from_rest(&mut self) {
         self.counts_from_rest = true;
     }
 
-    /// Looks at a frame in contact.
+    /// Evaluates a frame in contact.
     pub fn see(
         &mut self,
         time_ns: Option<u64>,
@@ -328,7 +333,7 @@ impl Estimator {
         );
     }
 
-    /// The torque about the middle of the contact, as it is told.
+    /// The reported torque, about the middle of the contact.
     fn torque_px4(&mut self, seconds_s: f64, middle_px: Option<Vec2>, markers: &[Marker], growth: f64) -> f64 {
         let mean = |of: &dyn Fn(&Point) -> Vec2| {
             self.points.iter().fold(Vec2::ZERO, |sum, q| sum + of(q)) / self.points.len() as f64
@@ -347,7 +352,7 @@ impl Estimator {
         seconds_s
     }
 
-    /// The mean of the last readings: a single one is noisy.
+    /// Averages the last readings: a single one is noisy.
     fn take_grip(&mut self, grip: Option<GripSample>, seconds_s: f64) {
         let Some(force_n) = grip.map(|g| g.force_n).filter(|n| n.is_finite()) else {
             self.unread_s += seconds_s;
@@ -362,7 +367,7 @@ impl Estimator {
         self.grip_n = Some(mean_n.clamp(force_n - most_n, force_n + most_n));
     }
 
-    /// By how much more than mu P slides: see [`sunk`].
+    /// Ratio of the load at gross slip to mu P: see [`sunk`].
     fn sunk(&self, stiffness_n_per_px3: f64, grip_n: f64, seen: &Seen) -> f64 {
         let force_px3 = seen.force_px3.length();
         let along = seen.force_px3 / force_px3.max(1e-9);
@@ -386,7 +391,7 @@ impl Estimator {
         let stick = Estimate { value: said.stick.clamp(0.0, 1.0), sd: said.stick_sd, age_frames };
         if let (Some(k), Some(grip_n)) = (self.stiffness_n_per_px3, self.grip_n.filter(|n| *n > 0.0)) {
             let per_grip = k * load_px3 / grip_n;
-            // Rolling and settling make a rim lag, too; but what hardly pulls does not slide.
+            // Rolling and settling make the rim lag, too, but at a small load nothing slides.
             used.value = used.value.min(per_grip / LEAST_FRICTION);
             let log_used_sd = said.log_used_sd.unwrap_or(used.sd / used.value.max(1e-3));
             let shown = Shown {
@@ -411,7 +416,7 @@ impl Estimator {
     }
 }
 
-/// Relative error of force and torque by the sum over all markers.
+/// Relative error of force and torque from the sum over all markers.
 const LOAD_SD: f64 = 0.08;
 
 #[cfg(test)]

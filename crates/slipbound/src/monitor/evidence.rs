@@ -1,4 +1,4 @@
-//! Evidence of sliding: continuous values that need no verdict of the slip field, each causal and without a unit.
+//! Evidence of sliding: continuous values, independent of the verdict of the slip field, causal and dimensionless.
 //!
 //! ```text
 //!   displacement since the reference --> relaxation, centre over rim
@@ -6,8 +6,8 @@
 //!                                                \__ equally weighted: slide score, over 1 where the object slides
 //! ```
 //!
-//! The reference is the frame with which the evidence begins: the rest frame of a recording that starts in contact, else
-//! the frame in which a contact has settled. It is not taken anew at a slip; it ends with the contact.
+//! The reference is the frame with which the evidence begins: the rest frame of a recording that starts in contact,
+//! else the frame in which a contact has settled. It is not renewed after a slip; it ends with the contact.
 
 mod field;
 mod gel;
@@ -39,10 +39,10 @@ use serde::{Deserialize, Serialize};
 use slide::Slide;
 use sliding::{SlidingSettings, SlidingWatch};
 
-/// Fewest markers in contact that say how the gel there moves.
+/// Fewest markers in contact from which the motion of the gel there is fitted.
 const CONTACT_MARKERS_COUNT: usize = 3;
 
-/// One value of the evidence on the scale of the slide score: what it is where an object sticks and where it slides.
+/// Scale of one value of the evidence in the slide score: its value where an object sticks and where it slides.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EvidenceScale {
@@ -53,7 +53,7 @@ pub struct EvidenceScale {
 }
 
 impl EvidenceScale {
-    /// 0 where objects are held, 1 where they slide, nothing beyond: no value alone decides.
+    /// 0 where objects are held, 1 where they slide, clamped: no value alone decides.
     fn share(self, value: f64) -> f64 {
         let span = self.slid - self.held;
         if span == 0.0 { 0.0 } else { ((value - self.held) / span).clamp(0.0, 1.0) }
@@ -65,7 +65,7 @@ impl EvidenceScale {
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct EvidenceSettings {
-    /// Whether the evidence is computed. [`Settings::paper`](super::Settings::paper) does without.
+    /// Whether the evidence is computed. Off in [`Settings::paper`](super::Settings::paper).
     pub used: bool,
     /// Scale of the relaxation.
     pub relaxation: EvidenceScale,
@@ -76,19 +76,19 @@ pub struct EvidenceSettings {
     /// A contact has settled, and the evidence begins, when its area has grown by less than this share of itself over
     /// [`EvidenceSettings::settle_frames_count`] frames.
     pub settle_fraction: f64,
-    /// Frames over which that is seen: those whose contact region is found anew, one in 25 ms of a fast camera.
+    /// Number of those frames. Only frames with a new contact region count, one in 25 ms of a fast camera.
     pub settle_frames_count: u32,
-    /// The object slides as a whole (`gross`) when its imprint has moved this far over the gel, in pitches (twice as far on a
-    /// fabric skin, whose patch of pressed weave is known half as well), ...
+    /// The object slides as a whole (`gross`) when its imprint has moved this far over the gel, in pitches (twice as
+    /// far on a fabric skin, whose patch of pressed weave is located half as precisely), ...
     pub slide_pitch: f64,
-    /// ... while the gel in contact went along by at most this share of it, ...
+    /// ... while the gel in contact moved along by at most this share of it, ...
     pub carried_fraction: f64,
-    /// ... and is sheared at least this far towards where the object slides, in pitches.
+    /// ... and is sheared at least this far in the direction of the slide, in pitches.
     pub sheared_pitch: f64,
     /// An imprint that changes by this much from one frame to the next while the gel stands still slides, too.
     pub jump_change_fraction: f64,
-    /// The evidence of a contact that has settled is taken once in so many ms at most, ms; between, the last is told with its age. Zero: in every
-    /// frame.
+    /// Least time between two evaluations of the evidence of a settled contact, ms; in between, the last one is
+    /// reported with its age. Zero: every frame.
     pub period_ms: f64,
 }
 
@@ -130,7 +130,7 @@ impl EvidenceSettings {
         within("evidence.period_ms", self.period_ms, 0.0, 1000.0)
     }
 
-    /// The slide score of three values: twice their mean share of the way from held to slid. What is not known counts as
+    /// The slide score of three values: twice their mean share of the way from held to slid. An unknown value counts as
     /// held.
     pub fn slide_score(&self, relaxation: f64, centre_rim_ratio: Option<f64>, imprint_change: Option<f64>) -> f64 {
         let shares = self.relaxation.share(relaxation)
@@ -140,7 +140,7 @@ impl EvidenceSettings {
     }
 }
 
-/// The greatest values since the reference.
+/// The largest values since the reference.
 #[derive(Debug, Clone, Copy, Default)]
 struct Greatest {
     relaxation: f64,
@@ -156,7 +156,7 @@ pub(super) struct Evidence {
     pitch_mm: Option<f64>,
     gel: GelMotion,
     pattern: Pattern,
-    /// The pattern of the frame before.
+    /// The pattern of the previous frame.
     before: Planes,
     slide: Slide,
     sliding: SlidingWatch,
@@ -167,7 +167,7 @@ pub(super) struct Evidence {
     reference_pattern: Planes,
     /// Whether something touches and the reference is known.
     begun: bool,
-    /// Whether the reference is the rest frame itself, in which something touches: until the contact that it shows has been seen and lost.
+    /// Whether the reference is the rest frame itself, taken in contact: until that contact has been seen and lost.
     starts_in_contact: bool,
     /// Whether a contact has been seen.
     has_touched: bool,
@@ -175,7 +175,7 @@ pub(super) struct Evidence {
     settled_frames_count: u32,
     greatest: Greatest,
     pub(super) report: Option<EvidenceReport>,
-    /// How imprint and gel have moved; None with the report, and where too few markers are in contact.
+    /// Recent motion of imprint and gel; None without a report, and where too few markers are in contact.
     pub(super) recent: Option<Recent>,
 }
 
@@ -214,13 +214,13 @@ impl Evidence {
         }
     }
 
-    /// Whether the object was held in the rest frame already, and has been since.
+    /// Whether the object has been held since the rest frame.
     pub(super) fn starts_in_contact(&self) -> bool {
         self.starts_in_contact
     }
 
-    /// Takes a frame whose markers are known. `area_px2`: that of the contact, zero without. `due`: whether the contact region was found anew,
-    /// and whether the evidence is.
+    /// Adds a frame whose markers are known. `area_px2`: that of the contact, zero without. `due`: whether the contact
+    /// region is new, and whether the evidence is evaluated.
     pub(super) fn take(&mut self, frame: &Frame<'_>, imprint: &Imprint, area_px2: f64, markers: &[Marker], due: Due) {
         self.has_touched |= area_px2 > 0.0;
         self.starts_in_contact &= area_px2 > 0.0 || !self.has_touched;
@@ -249,7 +249,7 @@ impl Evidence {
         }
     }
 
-    /// What the displacement of the markers says, and with the greatest of the imprint's the slide score.
+    /// Evaluates the displacement of the markers; returns the slide score, with the largest change of the imprint.
     fn weigh_field(&mut self, markers: &[Marker], imprint_change: Option<f64>) -> f64 {
         self.field.take(&self.reference_px, markers, self.pitch_px);
         let most = |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(f64::max);
@@ -262,7 +262,7 @@ impl Evidence {
         self.settings.slide_score(relaxation, centre_rim_ratio, imprint_change)
     }
 
-    /// A frame whose imprint is not looked at: its part is told as it was, a frame older.
+    /// A frame whose imprint is not evaluated: the last values of the imprint are reported, one frame older.
     fn go_on(&mut self, markers: &[Marker]) {
         let slide_score = self.weigh_field(markers, None);
         let Some(report) = &mut self.report else { return };
@@ -310,8 +310,8 @@ impl Evidence {
         Some((motion.translation, motion.rotation_rad))
     }
 
-    /// Whether the contact has settled. A region that is only carried on says nothing of that. Nothing is known of how a recording that starts in
-    /// contact came to it: its first frame counts.
+    /// Whether the contact has settled. A region kept from an earlier frame gives no information. How the contact of a
+    /// recording that starts in contact began is unknown: its first frame counts.
     fn settles(&mut self, area_px2: f64, is_new: bool) -> bool {
         if !is_new {
             return self.starts_in_contact;
@@ -324,7 +324,7 @@ impl Evidence {
         self.starts_in_contact || self.settled_frames_count >= self.settings.settle_frames_count
     }
 
-    /// Counts from this frame.
+    /// Makes this frame the reference.
     fn restart(&mut self, seq: u64, markers: &[Marker]) {
         self.begun = true;
         self.reference_seq = seq;

@@ -1,12 +1,12 @@
 //! Missing frames: on a regular grid, an unobserved motion by one pitch cannot be distinguished from none.
 
-/// Frames are missing when the next comes later than this and ...
+/// Frames are missing when the next one comes later than this and ...
 const LEAST_GAP_NS: u64 = 100_000_000;
-/// ... so many of the usual times between frames later.
+/// ... later than this many of the usual times between frames.
 const GAP_PERIODS: f64 = 3.5;
-/// Where frames carry no times: when so many numbers are passed over.
+/// Where frames carry no times: when the frame number increases by more than this.
 const GAP_FRAMES_COUNT: u64 = 5;
-/// Share of a new time between frames in the usual one.
+/// Weight of a new time between frames in the usual one.
 const PERIOD_SHARE: f64 = 0.125;
 
 /// Watches numbers and times of the frames that are judged.
@@ -19,11 +19,11 @@ pub(super) struct Gap {
 }
 
 impl Gap {
-    /// Takes a frame; whether frames are missing before it.
+    /// Adds a frame; returns whether frames are missing before it.
     pub fn see(&mut self, seq: u64, time_ns: Option<u64>) -> bool {
         let Some((last_seq, last_ns)) = self.last.replace((seq, time_ns)) else { return false };
         let is_gap = match (last_ns, time_ns) {
-            // A clock that was set back does not tell for how long nobody saw.
+            // After a clock was set back, the time without frames is unknown.
             (Some(last_ns), Some(now_ns)) if now_ns < last_ns => true,
             (Some(last_ns), Some(now_ns)) if now_ns > last_ns => {
                 let since_ns = now_ns - last_ns;
@@ -83,12 +83,12 @@ mod tests {
         };
         // From 30 to 100 ms within four seconds: 3.5 times the usual is never reached.
         assert!((0..71).all(|i| !after_ms(30.0 + f64::from(i))));
-        // For long at 100 ms: 340 are none, and 360 are a gap; the usual time is what it was before.
+        // At 100 ms for long: 340 is no gap, 360 is one; the usual time does not change.
         assert!((0..60).all(|_| !after_ms(100.0)));
         assert!(after_ms(360.0) && after_ms(360.0), "a gap makes no gap usual");
         assert!(!after_ms(340.0), "one frame of 340 ms counts an eighth:");
         assert!(after_ms(460.0) && !after_ms(450.0), "3.5 times 130 ms");
-        // Fast cameras: a tenth of a second is let pass, however many frames that are.
+        // Fast cameras: a tenth of a second is no gap, however many frames that is.
         assert!((0..200).all(|_| !after_ms(5.0)));
         assert!(!after_ms(100.0) && after_ms(100.1));
     }

@@ -1,4 +1,4 @@
-//! Whether the object slides as a whole: by what its imprint and the gel did of late, and by what the load does.
+//! Whether the object slides as a whole: from the recent motion of imprint and gel, and from the load.
 //!
 //! ```text
 //!   used, stick, load (step 5) --\
@@ -6,14 +6,15 @@
 //!   gel under it, shape ---------/
 //! ```
 //!
-//! None alone is enough: an imprint creeps over the gel while the middle still sticks, on a soft object more than half as fast as in a
-//! slide; used fraction and stick ratio have errors of a tenth; and a slide of half a millimetre a second moves an imprint by no more
-//! than its noise in a frame. What is slender turns about a point within itself long before it slides as a whole, so shape and share of
-//! the turn count; and a load that still grows is still carried.
+//! None alone is enough. An imprint creeps over the gel while the middle still sticks, on a soft object more than half
+//! as fast as in a slide; used fraction and stick ratio have errors of a tenth; a slide of half a millimetre a second
+//! moves an imprint by no more than its noise in a frame. A slender contact turns about a point within itself long
+//! before it slides as a whole, so shape and share of rotation count. A load that still grows is still carried.
 //!
-//! What is round or soft shows nothing that turns, though it spins away within a frame. Where the grip force is known, estimates that say
-//! that the friction is spent are gross slip, too; of the friction they teach nothing that they do not know. Where the object was held
-//! before anything was seen, so that nothing is known of the gel without load, the slide score tells besides, on a smooth gel.
+//! The imprint of a round or soft object shows no rotation, even if the object spins away within a frame. So, where the
+//! grip force is known, estimates that the friction is spent are gross slip, too; they do not update the friction. On a
+//! smooth gel, the slide score also counts if the object is held from the first frame, so that the unloaded gel is
+//! unknown.
 
 mod growth;
 mod score;
@@ -30,41 +31,43 @@ use std::sync::LazyLock;
 
 pub(super) use growth::Loaded;
 
-/// Features that are no motion over a window, and features of each window.
+/// Number of features outside the windows, and of each window.
 const OTHERS_COUNT: usize = 12;
 const OF_WINDOW_COUNT: usize = 5;
 
-/// How many features there are.
+/// Number of features.
 pub const SLIDE_FEATURES_COUNT: usize = OTHERS_COUNT + OF_WINDOW_COUNT * WINDOWS_S.len();
 
-/// What the verdict rests on: `used` and `stick` of step 5; how far the gel is sheared (pitches); speed of the imprint over its last
-/// 0.13 pitch (pitches/s) and the share of it by which the gel went along; the values of the evidence (0 where one is not known);
-/// `turning`, `narrow`, `wide` and `load` of step 5 ([`super::FEATURE_NAMES`]); then, for each of the last 33, 67, 100 and 200 ms, the
-/// motion of the imprint over the gel (pitches), the share of it by which the gel went along, the motion of the gel (pitches), and the
-/// shares by which load and grip force have grown.
+/// Input of the verdict: `used` and `stick` of step 5; shear of the gel (pitches); speed of the imprint over its last
+/// 0.13 pitch (pitches/s) and the share of it by which the gel moved along; the values of the evidence (0 where
+/// unknown); `turning`, `narrow`, `wide` and `load` of step 5 ([`super::FEATURE_NAMES`]); then, for each of the last
+/// 33, 67, 100 and 200 ms, the motion of the imprint over the gel (pitches), the share of it by which the gel moved
+/// along, the motion of the gel (pitches), and the relative growth of load and grip force.
 pub type SlideFeatures = [f64; SLIDE_FEATURES_COUNT];
 
-/// Probability from which the friction is learned from a slide, where the grip force is known and from the picture alone, and down to which it
-/// goes on. The lowest of those tried at which words are false in less than half a per cent of the trials of objects left out: .95 with the grip
-/// force in 7 of 1,775 (in time in 1,193 of 1,403), .98 without it in 8 (983).
+/// Probability from which a slide updates the friction, with grip force and from images alone, and down to which it
+/// continues. The lowest tried at which less than half a per cent of the trials of held-out objects have false alarms:
+/// .95 with the grip force, 7 of 1,775 (in time in 1,193 of 1,403); .98 without it, 8 (983).
 const BEGINS: f64 = 0.95;
 const BEGINS_ALONE: f64 = 0.98;
 const GOES_ON: f64 = 0.05;
 
-/// Probability from which a slide is said where the grip force is known; chosen together with when the friction is [`Spent`].
+/// Probability from which a slide is reported where the grip force is known; chosen together with the limits of
+/// [`Spent`].
 const SAID: f64 = 0.97;
 
-/// Where the grip force is known, less used friction than this begins no slide: the estimate is seldom off by half, and a sudden press moves
-/// an imprint over the gel as a slide does. With earlier trees it delayed 5 of 809
-/// slides of the training split by more than two frames.
+/// Where the grip force is known, no slide begins below this used fraction: the estimate is seldom off by half, and a
+/// sudden press moves an imprint over the gel as a slide does. With other trees this limit delayed 5 of 809 slides of
+/// the training split by more than two frames.
 const LEAST_USED: f64 = 0.5;
 
-/// Where too little is seen of the imprint: used fraction and stick ratio that are a slide by themselves, in how many frames in a row.
+/// Where too little of the imprint is visible: used fraction and stick ratio that alone indicate a slide, and in how
+/// many consecutive frames.
 const ALL_USED: f64 = 0.95;
 const NONE_STICKS: f64 = 0.08;
 const ALL_USED_FRAMES: u32 = 2;
 
-/// The trees, with grip force and from the picture alone.
+/// The trees, with grip force and from images alone.
 #[derive(Debug)]
 struct Trees {
     grip: Ensemble,
@@ -80,22 +83,22 @@ fn shipped() -> &'static Trees {
     &SHIPPED
 }
 
-/// What is known of a frame besides the estimates.
+/// Input of a frame besides the estimates.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen<'a> {
     /// Values of the evidence.
     pub evidence: Option<&'a EvidenceReport>,
-    /// Motion of late.
+    /// Recent motion.
     pub recent: Option<&'a Recent>,
-    /// What the estimates rest on, and the load; None where nothing is estimated.
+    /// Features of the estimates, and the load; None without estimates.
     pub loaded: Option<(&'a Features, Loaded)>,
-    /// When, s, on any clock.
+    /// Time, s, on any clock.
     pub at_s: f64,
-    /// Whether the object was held in the rest frame of a smooth gel already, and has been since.
+    /// Whether the object has been held since the rest frame, on a smooth gel.
     pub held_from_start: bool,
 }
 
-/// The features of a frame; None where the estimates or the motion of the imprint are not known.
+/// The features of a frame; None where the estimates or the motion of the imprint are unknown.
 fn features(estimates: &Estimates, seen: &Seen<'_>, grown: Option<[Grown; WINDOWS_S.len()]>) -> Option<SlideFeatures> {
     let (margin, stick, evidence, recent) = (estimates.margin?, estimates.stick_ratio?, seen.evidence?, seen.recent?);
     let (field, _) = seen.loaded?;
@@ -128,25 +131,25 @@ fn features(estimates: &Estimates, seen: &Seen<'_>, grown: Option<[Grown; WINDOW
     Some(features)
 }
 
-/// Remembers whether it slides.
+/// State of gross slip detection.
 #[derive(Debug, Clone)]
 pub(super) struct GrossWatch {
     trees: &'static Trees,
-    /// It slides by its motion: surely enough to learn the friction from.
+    /// Slides by its motion, with enough confidence to update the friction.
     moves: bool,
-    /// The same, surely enough to be said.
+    /// The same, with enough confidence to report it.
     is_said: bool,
     all_used_frames_count: u32,
     spent: Spent,
     score: ScoreWatch,
-    /// It slides by the slide score; where the object was held from the start.
+    /// Slides by the slide score, where the object was held from the start.
     slides_by_score: bool,
     growth: Growth,
     pub features: Option<SlideFeatures>,
 }
 
 impl GrossWatch {
-    /// Reads the table, which no frame may wait for.
+    /// Also reads the table, so that no frame waits for it.
     pub fn new() -> Self {
         GrossWatch {
             trees: shipped(),
@@ -161,18 +164,18 @@ impl GrossWatch {
         }
     }
 
-    /// Nothing touches, or nothing is known any more.
+    /// Resets after contact is lost.
     pub fn clear(&mut self) {
         *self = GrossWatch::new();
     }
 
-    /// Whether the object slides as a whole: surely enough to be said, by its motion or because all of the friction is used.
+    /// Whether gross slip is reported: by motion, because all of the friction is used, or by the slide score.
     pub fn slides(&self) -> bool {
         self.is_said || self.spent.lasts || self.slides_by_score
     }
 
-    /// Takes a frame; whether the object slides as a whole by its motion, surely enough to learn the friction from. Where nothing is estimated
-    /// the imprint alone tells.
+    /// Adds a frame. Returns whether the object slides by its motion, with enough confidence to update the friction.
+    /// Without estimates the imprint alone decides.
     pub fn see(&mut self, estimates: &Estimates, knows_grip: bool, seen: &Seen<'_>) -> bool {
         let score = seen.evidence.filter(|_| seen.held_from_start).map(|evidence| evidence.slide_score);
         self.slides_by_score = score.is_some_and(|score| self.score.see(seen.at_s, score, seen.recent));
@@ -199,7 +202,7 @@ impl GrossWatch {
                     false => (&self.trees.alone, BEGINS_ALONE, BEGINS_ALONE),
                 };
                 let can_begin = !knows_grip || used >= LEAST_USED;
-                // Where neither can be, the trees need not be asked.
+                // Where a slide can neither begin nor continue, the trees are not evaluated.
                 let probability = match can_begin || self.moves {
                     true => 1.0 / (1.0 + libm::exp(-trees.at(features))),
                     false => 0.0,
@@ -248,7 +251,8 @@ mod tests {
         }
     }
 
-    /// What is seen of a frame, of a contact of the usual shape whose load stands and is so much of 0.6 of the grip force.
+    /// Input of a frame of a contact under constant load, whose `field` has the usual shape and a load relative to 0.6
+    /// of the grip force.
     fn seen<'a>(evidence: &'a EvidenceReport, recent: Option<&'a Recent>, field: &'a Features) -> Seen<'a> {
         let loaded = Loaded { at_s: 0.0, load: 1.0, grip_n: 20.0 };
         Seen { evidence: Some(evidence), recent, loaded: Some((field, loaded)), at_s: 0.0, held_from_start: false }
@@ -260,7 +264,7 @@ mod tests {
         field
     }
 
-    /// An imprint at so many pitches/s over a gel that goes along by this share of it.
+    /// An imprint that moves at `pitch_per_s` over a gel that moves along by this share of it.
     fn moving(pitch_per_s: f64, carried_fraction: f64) -> Recent {
         let moved = |window_s: f64| Moved {
             over_pitch: pitch_per_s * window_s,
@@ -296,7 +300,7 @@ mod tests {
             };
             for _ in 0..5 {
                 assert!(!see(0.5, 0.7, moving(1.0, 1.5), 0.0), "it sticks, and is carried along");
-                // From the picture alone an imprint that moves so under a load that stands is taken for a slide.
+                // From images alone, this motion under a constant load counts as a slide.
                 let growth_per_s = if knows_grip { 0.0 } else { 1.0 };
                 assert!(!see(0.75, 0.4, moving(2.0, 0.5), growth_per_s), "its rim creeps");
             }
@@ -391,7 +395,7 @@ mod tests {
         }
     }
 
-    /// What friction is learned from and what is said are not the same.
+    /// The thresholds for updating the friction and for reporting differ.
     #[test]
     fn a_slide_is_said_when_it_is_surer_than_what_friction_is_learned_from() {
         let (evidence, mut cases) = (evidence(true), [0; 3]);

@@ -1,10 +1,10 @@
-//! Step 0: camera frame -> imprint: grey, rectified, and (where a later step wants it) with flat illumination.
+//! Step 0: camera frame -> imprint: grey, rectified, and (where a later step needs it) with flat illumination.
 //!
 //! ```text
 //!   camera frame --weights, flip--> grey, upright --warp--> grey, rectified --minus background--> flat
 //!        \--block means--> cells: coarse colour, for the contact region of smooth gels
 //! ```
-//! Pixels are rectified, not only marker positions: contact region, markers and pictures share one geometry.
+//! Pixels are rectified, not only marker positions: contact region, markers and images share one geometry.
 
 use crate::image::{Frame, Mask, Pixels, SizePx};
 use crate::monitor::cell_map::CellMap;
@@ -22,11 +22,11 @@ use crate::sensor::{Flip, Sensor, Skin};
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
-/// What is taken off as illumination.
+/// What is subtracted as illumination.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Illumination {
-    /// A wide smooth computed on a decimated image: the same to a few grey levels, a tenth of the time.
+    /// A wide smoothing of a decimated image: the same within a few grey levels, in a tenth of the time.
     Decimated,
     /// The released code's Gaussian: 31 x 31 px with sigma 31 px at a pitch of 15.2 px.
     Gaussian,
@@ -39,7 +39,7 @@ pub enum Illumination {
 pub struct ImprintSettings {
     /// A frame whose mean grey level is below this is not judged.
     pub dark_below_levels: f64,
-    /// What is taken off as illumination before edges are sought.
+    /// What is subtracted as illumination before edge detection.
     pub illumination: Illumination,
 }
 
@@ -60,12 +60,12 @@ const FLATTEN: (f64, f64, f64) = (50.0, 2.0, 20.0);
 
 #[derive(Debug, Clone)]
 enum Smooth {
-    /// Its background is made where the flat picture comes.
+    /// Its background is computed in the buffer of the flat image.
     Decimated(Background),
     Gaussian(Gaussian, Vec<f32>),
 }
 
-/// Which pictures are made beside the grey one, whatever the skin.
+/// Images to make besides the grey one, whatever the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Extra {
     /// [`Imprint::flat`]; a fabric skin always has it.
@@ -74,7 +74,7 @@ pub(super) struct Extra {
     pub(super) cells: bool,
 }
 
-/// Step 0, with its pictures and scratch.
+/// Step 0, with its images and scratch buffers.
 #[derive(Debug, Clone)]
 pub(super) struct Imprint {
     camera_px: SizePx,
@@ -83,9 +83,9 @@ pub(super) struct Imprint {
     weights: GreyWeights,
     dark_below_levels: f64,
     warp: Option<(WarpTable, Vec<u8>)>,
-    /// What the camera sees of the undamaged skin, where that is not everything.
+    /// Pixels where the camera sees undamaged skin; None if it is all of them.
     seen: Option<Mask>,
-    /// Least and largest place of a rectangle of which the camera sees all.
+    /// Top left and bottom right of a rectangle that the camera sees entirely.
     amid: (Vec2, Vec2),
     smooth: Option<(Smooth, Flatten)>,
     has_cells: bool,
@@ -94,20 +94,20 @@ pub(super) struct Imprint {
     pub(super) cells: Cells,
     /// Mean grey level of the last frame.
     pub(super) mean_levels: f64,
-    /// Checksum of the last grey picture, and whether the one before had the same.
+    /// Checksum of the last grey image, and whether the previous image had the same.
     sum: Option<u64>,
     repeats: bool,
 }
 
 impl Imprint {
-    /// For frames of [`Sensor::image_px`]; all memory is made here.
+    /// For frames of [`Sensor::image_px`]; all memory is allocated here.
     pub(super) fn new(sensor: &Sensor, settings: &ImprintSettings, extra: Extra) -> Self {
         let (camera_px, size) = (sensor.image_px, sensor.rectified_px());
         let has_flat = extra.flat || sensor.skin == Skin::Fabric;
         let smooth = || match settings.illumination {
             Illumination::Decimated => {
                 // Deviation: D1 fast background
-                // A Gaussian cut at 31 px with sigma 31 px weighs almost evenly: its own sigma is 0.58 pitch.
+                // A Gaussian cut at 31 px with sigma 31 px is almost a box: its effective sigma is 0.58 pitch.
                 Smooth::Decimated(Background::new(size, 0.58 * sensor.pitch_px))
             }
             Illumination::Gaussian => {
@@ -141,7 +141,8 @@ impl Imprint {
         }
     }
 
-    /// Takes a frame in, or returns the reason why it cannot be judged. `flat`: whether [`Imprint::flat`] is made anew, where there is one.
+    /// Processes a frame, or returns the reason why it cannot be judged. `flat`: whether to update [`Imprint::flat`],
+    /// if there is one.
     pub(super) fn take(&mut self, frame: &Frame<'_>, flat: bool) -> Result<(), Reason> {
         let got = frame.pixels.size();
         if got != self.camera_px {
@@ -150,7 +151,7 @@ impl Imprint {
         let upright = self.warp.as_mut().map_or(&mut self.grey, |(_, upright)| upright);
         let cell_px = self.cells.cell_px();
         let mut from = 0;
-        // A strip of the camera's rows is fetched once for all that is made of it.
+        // Each strip of camera rows is read once for all images made of it.
         for cell_row in 0..=self.cells.rows() {
             let end = if cell_row < self.cells.rows() { from + cell_px } else { got.height };
             match &frame.pixels {
@@ -177,20 +178,20 @@ impl Imprint {
         Ok(())
     }
 
-    /// Whether the last picture was that before it once more, to the bit: noise never repeats itself, a hung camera does.
+    /// Whether the last image equals the previous one bit for bit: noise never repeats itself, a hung camera does.
     pub(super) fn repeats(&self) -> bool {
         self.repeats
     }
 
-    /// Makes the grey picture from the camera image taken last as it were with another flip; nothing where nothing
-    /// is rectified: the picture would only be mirrored.
+    /// Remakes the grey image from the last camera image as if it had another flip. Does nothing without a
+    /// rectification: the image would only be mirrored.
     pub(super) fn mirror(&mut self, from: Flip, to: Flip) {
         let Some((table, upright)) = &mut self.warp else { return };
         if from.is_horizontal() != to.is_horizontal() {
             upright.chunks_exact_mut(self.camera_px.width).for_each(<[u8]>::reverse);
         }
         if from.is_vertical() != to.is_vertical() {
-            // The whole picture turned around is mirrored both ways.
+            // Reversing the whole image mirrors both axes; reversing its rows undoes one.
             upright.reverse();
             upright.chunks_exact_mut(self.camera_px.width).for_each(<[u8]>::reverse);
         }
@@ -198,7 +199,7 @@ impl Imprint {
         self.flatten();
     }
 
-    /// Replaces the grey picture, by an average of several for one.
+    /// Replaces the grey image, for example by an average of several.
     pub(super) fn put_grey(&mut self, grey: impl Iterator<Item = u8>) {
         self.grey.iter_mut().zip(grey).for_each(|(out, v)| *out = v);
         self.flatten();
@@ -228,7 +229,8 @@ impl Imprint {
         self.warp.as_ref().map(|(table, _)| table.valid())
     }
 
-    /// Whether the camera sees all that is so far from a place: most places, told without a look at each pixel.
+    /// Whether `p` with a margin of `px` is in a rectangle that the camera sees entirely: a fast test, enough for most
+    /// positions.
     pub(super) fn is_amid(&self, p: Vec2, px: f64) -> bool {
         let (low, high) = self.amid;
         p.x - px >= low.x && p.x + px <= high.x && p.y - px >= low.y && p.y + px <= high.y
@@ -240,7 +242,7 @@ impl Imprint {
     }
 }
 
-/// A rectangle all of whose pixels are set: sides that are not are drawn in one by one.
+/// A rectangle with all pixels set: the side with the most clear pixels is moved inwards until none is left.
 fn amid(mask: &Mask) -> (Vec2, Vec2) {
     let (mut left, mut top) = (0, 0);
     let (mut right, mut bottom) = (mask.size().width as isize - 1, mask.size().height as isize - 1);
@@ -265,7 +267,7 @@ fn amid(mask: &Mask) -> (Vec2, Vec2) {
     (Vec2::new(left as f64, top as f64), Vec2::new(right as f64, bottom as f64))
 }
 
-/// What a rectification sees, less the defects of the skin.
+/// The pixels seen by a rectification, without the defects of the skin.
 fn seen(sensor: &Sensor, table: Option<&WarpTable>) -> Option<Mask> {
     if table.is_none() && sensor.defects_px.is_empty() {
         return None;

@@ -3,8 +3,8 @@
 //! ```text
 //!   grey --spots--> places that look like a marker --match--> markers of the rest frame --edge pull--> sub-pixel
 //!                                                    |
-//!                        predicted by its own motion, then by its neighbours'; lost ones coast with them
-//!   fabric skins: spot, or where the neighbours went --look of the marker at rest--> the dot, not a gap of the weave
+//!                        predicted by its own motion, then by its neighbours'; lost markers move with them
+//!   fabric skins: spot, or motion of the neighbours --template from rest--> the dot, not a gap of the weave
 //! ```
 
 mod anchor;
@@ -36,20 +36,20 @@ use detect::core_levels;
 use look::{Looks, Seen};
 use matching::Matching;
 
-/// After this many frames in a row that could not be trusted, markers are sought anew.
+/// After this many untrusted frames in a row, markers are also searched for at their last trusted and rest positions.
 const UNTRUSTED_FRAMES_COUNT: u32 = 5;
-/// When places are this bad an explanation of the spots (1: no marker near any place), markers are sought anew at once.
+/// The same at once when the misfit exceeds this share of the squared reach (1: no spot near any position).
 const LOST_MISFIT: f64 = 0.6;
 
-/// What is known of a marker beyond what [`Marker`] shows.
+/// State of a marker that [`Marker`] does not show.
 #[derive(Debug, Clone, Copy)]
 struct Track {
     rest: RestMarker,
-    /// Where it was in the last frame that could be trusted, px.
+    /// Position in the last trusted frame, px.
     trusted: Vec2,
-    /// Motion from the last frame but one to the last, px; zero when either was missed.
+    /// Displacement between the last two frames, px; zero unless it was found in both.
     step: Vec2,
-    /// Contrast when it was last searched, and the grey levels of its core when it was last found whole.
+    /// Contrast at the last search, and the summed grey levels of its core when it was last found whole.
     response_levels: f32,
     core_levels: i32,
 }
@@ -66,25 +66,25 @@ impl Track {
     }
 }
 
-/// Step 2, with its memory and scratch.
+/// Step 2, with its state and scratch buffers.
 #[derive(Debug, Clone)]
 pub(super) struct Markers {
     settings: MarkerSettings,
     detector: Detector,
     matching: Matching,
-    /// Of a fabric skin, whose weave has gaps like dots.
+    /// For a fabric skin only: gaps of its weave look like dots.
     looks: Option<Looks>,
     before: Vec<Vec2>,
-    /// Where markers are that are followed.
+    /// Positions of the followed markers.
     followed: Vec<Vec2>,
-    /// The markers of the frame before, for a picture that repeats.
+    /// The markers of the previous frame, for a repeated image.
     kept: Vec<Marker>,
     anchor: Anchor,
-    /// Whether it is known which marker is which; not after missed frames, until [`Anchor`] finds out.
+    /// Whether the identity of the markers is known: not after missed frames, until [`Anchor`] recovers it.
     pub(super) anchored: bool,
     tracks: Vec<Track>,
     pitch_px: f64,
-    /// Frames in a row whose matches could not be trusted.
+    /// Untrusted frames in a row.
     untrusted_frames_count: u32,
     pub(super) all: Vec<Marker>,
     pub(super) detected_count: u32,
@@ -121,11 +121,12 @@ impl Markers {
 
     /// Frames were missed: any marker may be where another was.
     pub(super) fn lose_anchor(&mut self) {
-        // The paper's own matching knows of no such thing.
+        // The paper's matching has no such recovery.
         self.anchored &= !self.settings.ask_neighbours;
     }
 
-    /// Finds every marker in a frame. `touched`: whether anything presses on the finger; `search`: whether spots are sought in the whole picture.
+    /// Finds every marker in a frame. `touched`: whether anything presses on the finger; `search`: whether to search
+    /// the whole image for spots.
     pub(super) fn track(&mut self, imprint: &Imprint, touched: bool, search: bool) {
         let weakest = self.tracks.iter().map(|t| t.rest.response_levels).fold(f32::MAX, f32::min);
         let keep = self.settings.keep_contrast_fraction as f32;
@@ -155,11 +156,11 @@ impl Markers {
         self.place(imprint, touched);
     }
 
-    /// Says where each marker is looked for after frames were missed.
+    /// Predicts where to look for each marker after missed frames.
     fn find_anchor(&mut self, touched: bool) {
         let m = &mut self.matching;
         if !touched {
-            // What nothing touches is at rest.
+            // An untouched finger is at rest.
             m.predict(self.all.iter().map(|m| m.rest));
             self.anchored = true;
             return;
@@ -170,10 +171,10 @@ impl Markers {
         m.predict(before.map(|place| place + motion.unwrap_or(Vec2::ZERO)));
     }
 
-    /// Says where each marker is looked for.
+    /// Predicts where to look for each marker.
     fn predict(&mut self) {
         let m = &mut self.matching;
-        // Where is each? Its own motion goes on, or it stands still: whichever explains the spots better.
+        // All markers continue their motion, or all stand still: whichever explains the spots better.
         let still = self.all.iter().map(|m| m.now);
         let moving = self.all.iter().zip(&self.tracks).map(|(m, t)| m.now + t.step);
         let (reach, reach_px) = (self.settings.match_within_pitch, self.settings.match_within_pitch * self.pitch_px);
@@ -185,8 +186,8 @@ impl Markers {
         } else {
             m.predict(still);
         }
-        // After many frames that could not be trusted, or when hardly a marker is found, they may also be where they
-        // were before that, or at rest. Not sooner: on a regular grid a whole pitch of motion looks like none.
+        // After many untrusted frames, or when hardly any marker is found, they may also be at their last trusted
+        // positions or at rest. Not sooner: on a regular grid, a motion of one pitch looks like none.
         let lost = self.untrusted_frames_count >= UNTRUSTED_FRAMES_COUNT || misfit > LOST_MISFIT * reach_px * reach_px;
         if self.settings.ask_neighbours && lost {
             let before = self.tracks.iter().map(|t| t.trusted);
@@ -200,8 +201,8 @@ impl Markers {
         }
     }
 
-    /// Tracks in the same picture once more: those that were found are where they were, whatever the search remembers (so
-    /// [`Hand`](crate::hand::Hand) knows a frozen picture); those that were lost are sought.
+    /// Tracks in a repeated image: markers that were found keep their positions, whatever the state of the search (so
+    /// [`Hand`](crate::hand::Hand) detects a frozen image); lost markers are searched for.
     pub(super) fn track_again(&mut self, imprint: &Imprint, touched: bool) {
         let known = self.anchored && self.untrusted_frames_count == 0;
         self.kept.clone_from_slice(&self.all);
@@ -212,19 +213,19 @@ impl Markers {
         }
     }
 
-    /// Whether so few are found that the frame tells nothing: less than half of those that are in view, or a quarter of all. Those that the gel
-    /// has carried out of the view are not lost.
+    /// Whether too few markers are found to judge the frame: less than half of those in view, or less than a quarter of
+    /// all. Markers that the gel carried out of view do not count as lost.
     pub(super) fn half_lost(&self) -> bool {
         let missed = self.all.iter().filter(|m| !m.matched && self.matching.in_view(m.now)).count() as u32;
         self.matched_count < missed || 4 * self.matched_count < self.all.len() as u32
     }
 
-    /// Whether every marker in view is there as a whole.
+    /// Whether every marker in view was found whole.
     pub(super) fn complete(&self) -> bool {
         self.all.iter().all(|m| m.whole || !self.matching.in_view(m.now))
     }
 
-    /// Takes over where each marker was found, or is expected to be.
+    /// Stores the position where each marker was found or is expected.
     fn place(&mut self, imprint: &Imprint, touched: bool) {
         (self.matched_count, self.detected_count) = (0, 0);
         self.before.iter_mut().zip(&self.all).for_each(|(b, m)| *b = m.now);
@@ -232,9 +233,10 @@ impl Markers {
             let (before, known_before) = (self.all[i].now, self.all[i].matched);
             let spot = self.matching.spot_of(i).copied();
             self.detected_count += u32::from(spot.is_some());
-            // Nothing is expected of a marker whose match was undone and whose neighbours are lost: it stays.
+            // A marker whose match was undone and whose neighbours are lost has no expected position: it stays.
             let expected = Some(self.matching.expected(i)).filter(|p| p.is_finite()).unwrap_or(before);
-            // A marker that was lost may have drifted: its neighbours' displacement says where it is, not their last step.
+            // A lost marker may have drifted: its position follows from its neighbours' displacement, not from their
+            // last step.
             let inferred = || match known_before {
                 true => self.matching.step_of_neighbours(&self.before, i).map(|step| before + step),
                 false => Some(expected),
@@ -279,7 +281,8 @@ impl Markers {
         }
     }
 
-    /// The place of marker `i` whose look was found, by its spot where there is one; fit and place lay as far apart as the last ones.
+    /// Position of marker `i` from its template fit and its spot, if there is one. Fit and position are taken to be as
+    /// far apart as last time.
     fn settle(&mut self, imprint: &Imprint, i: usize, fit: &Fit, spot: Option<&Spot>) -> Vec2 {
         let Some(looks) = &mut self.looks else { return fit.place };
         let place = self.detector.blend(imprint, fit, spot, fit.place - looks.lead(i), &self.tracks[i].rest);
@@ -288,7 +291,7 @@ impl Markers {
     }
 }
 
-/// Whether a marker and its neighbours were out of contact in the frame before.
+/// Whether a marker and its neighbours were out of contact in the previous frame.
 fn is_away(matching: &Matching, markers: &[Marker], i: usize) -> bool {
     !matching.with_neighbours(i).any(|n| markers[n].in_contact)
 }

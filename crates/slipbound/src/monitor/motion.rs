@@ -19,8 +19,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fit {
-    /// Rotation and translation, by least squares over those inner markers that agree: when slip has come in from
-    /// the rim further than the erosion reaches, its markers are outvoted instead of averaged in.
+    /// Rotation and translation, by least squares over those inner markers that agree: when slip has advanced from the
+    /// rim further than the erosion reaches, slipping markers are outvoted instead of averaged in.
     RobustRigid,
     /// Rotation and translation, by least squares over all inner markers.
     Rigid,
@@ -99,7 +99,7 @@ impl Motion {
         self.inner_count = 0;
     }
 
-    /// What erodes the contact region to the inner one; None without contact.
+    /// The element that erodes the contact region to the inner one; None without contact.
     pub(super) fn inner_erosion(&self) -> Option<&Element> {
         self.element.map(|i| &self.elements[i])
     }
@@ -111,7 +111,7 @@ impl Motion {
             self.element = Some(i);
             self.inner_count = 0;
             for m in markers.iter_mut() {
-                // Looked at where there are markers: drawing the whole region took longer than all else in this step.
+                // Evaluated only at the markers: drawing the whole region takes longer than the rest of this step.
                 let (x, y) = (nearest_px(m.now.x), nearest_px(m.now.y));
                 m.inner = m.whole && m.in_reference && element.fits(contact, x, y);
                 self.inner_count += u32::from(m.inner);
@@ -130,7 +130,7 @@ impl Motion {
     }
 }
 
-/// Scales, in pitches, within which markers count as agreeing; from wide to narrow, so that the fit slides into the
+/// Scales, in pitches, within which markers count as agreeing; from wide to narrow, so that the fit converges to the
 /// motion of most of them. The last is a third of the slip threshold.
 const AGREEMENT_PITCH: [f64; 9] = [1.5, 1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.13, 0.1];
 
@@ -256,7 +256,7 @@ mod tests {
         assert!(error(fit_rigid(pairs).expect("points")) > 0.5);
     }
 
-    /// 8 x 6 markers at 30 px, moved by (3, -2) px; what a test does to each comes after.
+    /// 8 x 6 markers at 30 px, moved by (3, -2) px, then changed by a test.
     fn moved(change: impl Fn(&mut Marker)) -> Vec<Marker> {
         let place = |i: u32| Vec2::new(40.0 + 30.0 * f64::from(i % 8), 40.0 + 30.0 * f64::from(i / 8));
         let mut markers: Vec<Marker> = (0..48).map(|id| Marker::at_rest(id, place(id))).collect();
@@ -267,7 +267,7 @@ mod tests {
         markers
     }
 
-    /// A region of so many px around a place.
+    /// A disc-shaped region.
     fn disc(centre: Vec2, radius_px: f64) -> Mask {
         let size = crate::image::SizePx::new(320, 240);
         let mut region = Mask::new(size);
@@ -285,7 +285,7 @@ mod tests {
         motion
     }
 
-    /// Markers that were not seen whole, now or when the reference was taken, have no say in the motion, wherever they are.
+    /// Markers that are not whole now, or were not found in the reference frame, do not affect the motion.
     #[test]
     fn the_motion_is_that_of_markers_whose_way_is_known() {
         let region = disc(Vec2::new(145.0, 115.0), 90.0);
@@ -317,8 +317,8 @@ mod tests {
             });
             (which, motion.inner_count, motion.motion.is_some())
         };
-        // Radii of the ellipses: 25, 15, 5 and 1 px times 30 / 15.2 / 2, that is 24.7, 14.8, 4.9 and 1 px. The four nearest
-        // markers lie at 21.2 px from the middle.
+        // Radii of the ellipses: 25, 15, 5 and 1 px times 30 / 15.2 / 2, that is 24.7, 14.8, 4.9 and 1 px. The four
+        // nearest markers lie at 21.2 px from the middle.
         assert_eq!(around(50.0), (Some(0), 4, true));
         assert_eq!(around(40.0), (Some(1), 4, true));
         assert_eq!(around(30.0), (Some(2), 4, true));

@@ -1,4 +1,5 @@
-//! What is not done anew in every frame of a fast camera: the contact region, the search for spots and the evidence of sliding, in turns.
+//! Schedule of the steps that do not run in every frame of a fast camera: contact region, search for spots and evidence
+//! of sliding take turns.
 //!
 //! ```text
 //!   90 Hz, periods of 25 ms       frame      0   1   2   3   4   5   6   7   8   9  10        30 Hz   frame      0   1   2
@@ -7,8 +8,9 @@
 //!     none is:                    search     x                   x                   x                search     x   x   x
 //!                                 evidence   x       x           x           x                        evidence   x   x   x
 //! ```
-//! Neither region nor evidence is taken more rarely than a camera at 30 Hz would let it be, nor is a marker that is missing sought more rarely; those that
-//! were found go on as they moved. A region changes little in that time, and evidence is about motion over 33 to 200 ms.
+//! Region, evidence and the search for a missing marker run at least as often as with a camera at 30 Hz; markers that
+//! were found are tracked in between. A region changes little in that time, and evidence is about motion over 33 to 200
+//! ms.
 
 /// Which steps a frame gets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,14 +32,14 @@ impl Turn {
         Turn { period_ns: (1e6 * period_ms).round() as u64, done_ns: None }
     }
 
-    /// Whether so many periods are over since it was done. Without times they are, and after a clock that was set back.
+    /// Whether `periods` periods have passed since it was done; true without times, and after a clock was set back.
     fn is_over(&self, time_ns: Option<u64>, periods: u64) -> bool {
         let Some((since_ns, now_ns)) = self.done_ns.zip(time_ns) else { return true };
         now_ns.checked_sub(since_ns).is_none_or(|ns| ns >= periods * self.period_ns)
     }
 
-    /// Whether it is done in this frame: when so many periods are over, but after what is `before` it, where it need not wait for a
-    /// period more.
+    /// Whether it is done in this frame: when `periods` periods are over. If something is due `before` it, it waits,
+    /// until one more period is over.
     fn take(&mut self, time_ns: Option<u64>, periods: u64, touches: bool, before: bool) -> bool {
         let waits = before && !self.is_over(time_ns, periods + 1);
         let due = !touches || (self.is_over(time_ns, periods) && !waits);
@@ -48,7 +50,7 @@ impl Turn {
     }
 }
 
-/// While none is missing, markers are followed for so many periods of their search: each is known to be found in every frame.
+/// Periods between two searches while no marker is missing: tracking then finds each of them in every frame.
 const PERIODS_WHEN_COMPLETE: u64 = 2;
 
 /// Watches the times of the frames that are judged.
@@ -61,21 +63,21 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// Nothing is done more often than once in its period, ms; 0: in every frame.
+    /// Each step is done at most once per period, ms; 0: in every frame.
     pub(super) fn new(contact_ms: f64, search_ms: f64, evidence_ms: f64) -> Self {
         let [contact, search, evidence] = [contact_ms, search_ms, evidence_ms].map(Turn::new);
         Pace { frame_ns: None, contact, search, evidence }
     }
 
     // Deviation: D21 turns
-    /// What is due in a frame. A frame without a time gets everything, as does one with the time of the frame before it, which is
-    /// none, and one while nothing touches.
-    /// `complete`: whether every marker in view was found in the last frame, so that there is none to be searched for.
+    /// The steps due in a frame: all in a frame without a time, in one with the same time as the frame before, and
+    /// without contact. `complete`: whether every marker in view was found in the last frame, so that none must be
+    /// searched for.
     pub(super) fn see(&mut self, time_ns: Option<u64>, touches: bool, complete: bool) -> Due {
         let last_ns = std::mem::replace(&mut self.frame_ns, time_ns);
         let time_ns = time_ns.filter(|_| last_ns != time_ns);
         let frame_ns = last_ns.zip(time_ns).and_then(|(last_ns, now_ns)| now_ns.checked_sub(last_ns));
-        // Whether so many frames more come within its period.
+        // Whether `frames` more frames come within its period.
         let has_room = |turn: &Turn, frames: u64| frame_ns.is_some_and(|ns| frames * ns < turn.period_ns);
         let contact = self.contact.take(time_ns, 1, touches, false);
         let next_soon = has_room(&self.search, 1);
@@ -91,7 +93,7 @@ impl Pace {
 mod tests {
     use super::*;
 
-    /// Which of so many frames get the contact region, the search and the evidence, of a camera with this period.
+    /// Which frames of a camera with this period get the contact region, the search and the evidence.
     fn turns(pace: &mut Pace, period_us: u64, frames_count: u64, complete: bool) -> [String; 3] {
         let due = (1..=frames_count).map(|i| pace.see(Some(1_000 * period_us * i), true, complete));
         let due: Vec<Due> = due.collect();
@@ -137,7 +139,7 @@ mod tests {
         for (contact_ms, search_ms, evidence_ms) in
             [(25.0, 25.0, 25.0), (12.5, 12.5, 25.0), (0.0, 12.5, 12.5), (12.5, 0.0, 40.0), (50.0, 12.5, 0.0)]
         {
-            // The longest that may pass: a period more than wanted.
+            // The longest time that may pass: one period more than set.
             for (complete, search_periods) in [(false, 2.0), (true, 3.0)] {
                 let mut pace = Pace::new(contact_ms, search_ms, evidence_ms);
                 let (mut now_ns, mut done_ns) = (0u64, [0u64; 3]);

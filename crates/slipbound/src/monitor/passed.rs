@@ -1,9 +1,10 @@
 //! Time from a frame to the next.
 
-/// Taken for the time between frames where the source has none, s.
+/// Assumed time between frames where the source has none, s.
 pub(super) const FRAME_S: f64 = 1.0 / 30.0;
 
-/// Seconds from a frame to the next by their times, ns; those of a camera at 30 Hz where a time is missing, stands still or was set back.
+/// Seconds from a frame to the next from their times, ns; those of a camera at 30 Hz where a time is missing, repeated
+/// or set back.
 pub(super) fn passed_s(last_ns: Option<u64>, time_ns: Option<u64>) -> f64 {
     let passed_ns = last_ns.zip(time_ns).and_then(|(last_ns, now_ns)| now_ns.checked_sub(last_ns));
     passed_ns.filter(|ns| *ns > 0).map_or(FRAME_S, |ns| ns as f64 * 1e-9)

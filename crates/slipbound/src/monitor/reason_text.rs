@@ -1,4 +1,4 @@
-//! A reason back from its words, so that a report can be read again.
+//! Parses a reason from its text, so that a report can be read back.
 
 use super::report::Reason;
 use crate::image::SizePx;
@@ -9,7 +9,7 @@ use std::str::FromStr;
 impl FromStr for Reason {
     type Err = String;
 
-    /// The inverse of its words; numbers are as exact as they were written.
+    /// The inverse of `Display`; numbers have the precision of the text.
     fn from_str(text: &str) -> Result<Self, String> {
         parse(text).ok_or_else(|| format!("expected a reason as reports have them, got `{text}`"))
     }
@@ -38,7 +38,7 @@ fn parse(text: &str) -> Option<Reason> {
         return Some(Reason::Dark { mean_levels: levels.parse().ok()? });
     }
     if let Some(since) = text.strip_prefix(GAP) {
-        // Digit by digit: 0.29 s is no whole number of ns in binary.
+        // Digit by digit: 0.29 s is not a whole number of ns in binary floating point.
         let (seconds, hundredths) = since.strip_prefix(", for ")?.strip_suffix(" s")?.split_once('.')?;
         let (seconds, hundredths): (u64, u64) = (seconds.parse().ok()?, hundredths.parse().ok()?);
         let hundredths = seconds.checked_mul(100)?.checked_add(hundredths)?;

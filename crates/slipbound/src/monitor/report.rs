@@ -19,7 +19,7 @@ pub enum SlipState {
     /// Part of the contact lags behind the rigid motion: it has begun to slip.
     Incipient,
     /// The whole contact slides: its imprint moves over a gel that is no longer dragged along; see
-    /// [`EvidenceReport::slides`](super::EvidenceReport). Tasks conclude it from the load, too.
+    /// [`EvidenceReport::slides`](super::EvidenceReport). Tasks also conclude it from the load.
     Gross,
     /// The frame could not be judged; the reason says why.
     Unjudged,
@@ -51,7 +51,7 @@ pub enum Reason {
     /// Fewer than half of the markers that should be in view were found, or fewer than a quarter of all.
     MarkersLost,
     /// The markers at rest do not stand the sensor's pitch apart, in rows and columns: this is another finger, or its
-    /// picture is mirrored differently from what the sensor file says. See
+    /// image is mirrored differently from what the sensor file says. See
     /// [`RestSettings::check_spacing`](super::RestSettings).
     MarkerSpacing {
         /// The sensor's pitch in the rectified image, px.
@@ -158,7 +158,7 @@ pub struct ShearReport {
 pub struct Estimate {
     /// The quantity, in the unit of its name.
     pub value: f64,
-    /// Standard deviation of its error, in the same unit: what was found on simulated trials, with objects left out.
+    /// Standard deviation of its error, in the same unit: from simulated trials of held-out objects.
     pub sd: f64,
     /// Frames since it was measured; 0: in this frame.
     pub age_frames: u32,
@@ -170,7 +170,7 @@ pub struct Estimate {
 pub struct Estimates {
     /// Area that sticks over area in contact, 0 to 1.
     pub stick_ratio: Option<Estimate>,
-    /// 1 - load over the load of the same direction that makes the object slide; about 0 or below it slides.
+    /// 1 - load over the load of the same direction that makes the object slide; the object slides at about 0 or below.
     pub margin: Option<Estimate>,
     /// Force along the finger's surface, N.
     pub shear_n: Option<Estimate>,
@@ -178,8 +178,9 @@ pub struct Estimates {
     pub torque_nmm: Option<Estimate>,
     /// Friction coefficient between object and gel.
     pub friction: Option<Estimate>,
-    /// Share of the markers in contact that are at the border of the view, 0 to 1. What such a contact carries beyond it is in the estimates
-    /// where the length of the gel is known ([`Sensor::gel_mm`](crate::sensor::Sensor::gel_mm)); where it slips there is not.
+    /// Share of the markers in contact that are at the border of the view, 0 to 1. The load beyond it is in the
+    /// estimates where the length of the gel is known ([`Sensor::gel_mm`](crate::sensor::Sensor::gel_mm)); slip there
+    /// is not.
     #[serde(skip)]
     pub cut_fraction: f64,
 }
@@ -200,18 +201,18 @@ pub struct EvidenceReport {
     pub imprint_change: Option<f64>,
     /// Age of the imprint's part of the evidence in frames.
     pub imprint_age_frames: u32,
-    /// Over 1 where the object slides; computed from the largest value that each of the three has had since the
-    /// reference. 0 to 2. On a smooth gel that is touched in its rest frame the state is gross while it grows beyond 1.
+    /// 0 to 2; over 1 where the object slides. Computed from the largest value of each of the three since the
+    /// reference. On a smooth gel that is touched in its rest frame the state is gross while it grows beyond 1.
     pub slide_score: f64,
     /// How far the imprint has moved over the gel since the reference, rectified px; it is the motion of the object.
     pub slide_px: Vec2,
     /// How far it has turned on the gel since then, radians.
     pub slide_rad: f64,
-    /// Whether the imprint moves over a gel that is no longer dragged along: one of the facts by which
-    /// [`SlipState::Gross`] is told, which is also told where no imprint shows it.
+    /// Whether the imprint moves over a gel that is no longer dragged along: one of the inputs of [`SlipState::Gross`],
+    /// which is also reported where no imprint shows it.
     pub slides: bool,
     /// Speed of that slide in pitches per second; None while nothing slides, where frames have no time, and where the
-    /// imprint jumps further than can be followed.
+    /// imprint jumps further than can be tracked.
     pub slide_pitch_per_s: Option<f64>,
     /// The same in mm/s; None also where the pitch in mm is unknown.
     pub slide_mm_per_s: Option<f64>,
@@ -264,10 +265,10 @@ pub struct SlipReport {
     pub contact: ContactReport,
     /// Step 2.
     pub markers: MarkerCounts,
-    /// Number of the frame that displacement is judged against: the rest frame's without contact, then that in which the finger had been squeezed, or the last
-    /// slip was.
+    /// Number of the reference frame of displacement: the rest frame without contact, then the frame in which the
+    /// squeeze of the finger had settled, or that of the last slip.
     pub reference_seq: u64,
-    /// Grip force per finger in newtons, as passed by the caller; None where that is no number.
+    /// Grip force per finger in newtons, as passed by the caller; None where that is not a number.
     pub grip_n: Option<f64>,
     /// Step 3; None when too few markers are in contact.
     pub motion: Option<MotionReport>,

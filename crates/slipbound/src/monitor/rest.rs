@@ -1,4 +1,4 @@
-//! The rest frame: the unloaded finger, from which displacement counts, and how it is chosen.
+//! The rest frame, that is the unloaded finger from which displacement counts, and how it is chosen.
 
 use crate::image::SizePx;
 use crate::monitor::cell_map::CellMap;
@@ -14,22 +14,23 @@ use std::fmt;
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct RestSettings {
-    /// How many of the first frames are looked at to find the finger at rest.
+    /// Number of first frames among which the finger at rest is searched.
     pub window_count: u32,
-    /// How many stationary frames are averaged at most. Ten bring the noise of the rest frame to a third of one frame's.
+    /// Most stationary frames to average. Ten reduce the noise of the rest frame to a third of that of one frame.
     pub average_count: u32,
     /// Two frames in a row are stationary when 99 of 100 cells change by less than this.
     pub calm_levels: f64,
-    /// A frame counts as dark when its brightness is off the window's median by more than this share.
+    /// A frame counts as dark when its brightness deviates from the window's median by more than this share.
     pub brightness_fraction: f64,
-    /// Smooth gel whose file does not say how sharp its illumination is: what is sharper than this is an imprint.
+    /// Smooth gel without `bare_sharpness` in its file: a sharper image than this shows an imprint.
     pub imprint_levels: f64,
     /// Fewest markers a rest frame must show.
     pub markers_min_count: u32,
-    /// Whether nothing is judged while the markers at rest do not stand the sensor's pitch apart (0.85 to 1.18 of it), or
-    /// would lie on its grid with another flip only. Set it to false for a finger whose dots are known to be irregular.
+    /// Whether no frame is judged while the spacing of the markers at rest is not the sensor's pitch (0.85 to 1.18 of
+    /// it), or while they fit its grid only with another flip. Set it to false for a finger whose dots are known to be
+    /// irregular.
     pub check_spacing: bool,
-    /// Whether an object is known to be held in the first frames already, however little of it shows there: then they are
+    /// Whether an object is known to be held in the first frames, even if hardly visible there: then they are
     /// [`RestKind::InContact`].
     pub held: bool,
 }
@@ -66,8 +67,8 @@ impl RestSettings {
 pub enum RestKind {
     /// Nothing touched it.
     Unloaded,
-    /// Something touched it already: displacement counts from there, and the contact region of a smooth gel is what
-    /// is sharper in the imprint than illumination can be.
+    /// Something already touched it: displacement counts from there, and the contact region of a smooth gel is where
+    /// the imprint is sharper than illumination can be.
     InContact,
 }
 
@@ -76,7 +77,7 @@ pub enum RestKind {
 pub enum RestError {
     /// No frame was stationary and bright enough.
     NoStationaryFrame {
-        /// Frames looked at.
+        /// Frames examined.
         looked_at_count: usize,
         /// Of these, frames that could not be judged (dark, or of another size).
         unusable_count: usize,
@@ -116,8 +117,8 @@ impl std::error::Error for RestError {}
 
 /// The finger at rest, as the monitor needs it.
 ///
-/// It can be saved and loaded with any format of serde: a monitor made from what was loaded gives the same reports to the last bit. As
-/// JSON a picture of 640x480 takes about 2 MB.
+/// It can be saved and loaded in any serde format: a monitor made from the loaded value gives the same reports bit for
+/// bit. As JSON, an image of 640x480 takes about 2 MB.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rest {

@@ -1,7 +1,7 @@
-//! First frames -> rest frame: stationary ones are chosen and averaged, and the markers found on the mean.
+//! First frames -> rest frame: stationary frames are chosen and averaged, and markers are found in the mean image.
 //!
 //! ```text
-//!   first frames --look--> dark? moving? touched? --choose--> stationary run --add--> mean picture --build--> Rest
+//!   first frames --look--> dark? moving? touched? --choose--> stationary run --add--> mean image --build--> Rest
 //! ```
 
 mod choose;
@@ -22,7 +22,7 @@ use crate::sensor::{Flip, Sensor, Skin};
 use crate::setting::SettingError;
 use choose::Picture;
 
-/// An imprint is sharper than the untouched finger by this factor; noise and JPEG move it by a tenth.
+/// An imprint is sharper than the untouched finger by this factor; noise and JPEG change sharpness by a tenth.
 const IMPRINT_RATIO: f64 = 1.35;
 
 /// Finds and averages stationary frames.
@@ -79,7 +79,7 @@ impl RestBuilder {
         &self.settings
     }
 
-    /// Looks at a candidate; call it on the first frames in their order.
+    /// Examines a candidate; call it on the first frames in order.
     pub fn look(&mut self, frame: &Frame<'_>) -> RestLook {
         let mut look =
             RestLook { mean_levels: None, change_levels: f64::INFINITY, sharpness: f64::INFINITY, touched: true };
@@ -107,7 +107,7 @@ impl RestBuilder {
         look
     }
 
-    /// How sharp the picture of a finger that nothing touches is at most: see [`RestLook::sharpness`].
+    /// Highest sharpness of an untouched finger: see [`RestLook::sharpness`].
     pub fn bare_sharpness(&self) -> f64 {
         let own = self.sensor.bare_sharpness.map(|bare| IMPRINT_RATIO * bare);
         own.unwrap_or(match self.sensor.skin {
@@ -116,19 +116,19 @@ impl RestBuilder {
         })
     }
 
-    /// The stationary run to average. Frames of another brightness than most (dark, stale, a camera still settling) are
-    /// passed over; a run of several frames goes before a moment, untouched goes before touched. Of untouched runs
-    /// that show the same, the first, or the longest where the first has less than half of the frames that are averaged.
-    /// Where they differ, one of them is touched too lightly to be detected by itself: then the first run, which was
-    /// touched if it is the sharper. Where the settings say that an object is
-    /// [`held`](crate::monitor::RestSettings::held), the first run, as touched.
+    /// The stationary run to average. Frames of unusual brightness (dark, stale, a camera still settling) are skipped.
+    /// A run of several frames is preferred to a shorter one, and an untouched run to a touched one. Of untouched runs
+    /// that show the same, the first is chosen, or the longest if the first has less than half of the frames to
+    /// average. If they differ, one of them is touched too lightly to be detected by itself: then the first is chosen,
+    /// and it counts as touched if it is the sharper one. If the settings say that an object is
+    /// [`held`](crate::monitor::RestSettings::held), the first run is chosen, as touched.
     ///
-    /// `looks` are the answers of [`RestBuilder::look`] in their order.
+    /// `looks` are the results of [`RestBuilder::look`] in order.
     pub fn choose(&self, looks: &[RestLook]) -> Result<RestChoice, RestError> {
         choose::choose(looks, &self.looks, &self.settings.rest, &self.settings.contact)
     }
 
-    /// Cells that a marker covers in the picture taken last, and those that the camera does not see whole.
+    /// Cells covered by a marker in the last image, and cells that the camera does not see entirely.
     fn covered(&mut self, radius_px: f64) -> Vec<bool> {
         let mut covered = self.map.unseen.clone();
         for spot in self.detector.spots(&self.imprint, self.settings.markers.birth_min_levels) {
@@ -191,17 +191,17 @@ impl RestBuilder {
         Ok(rest)
     }
 
-    /// Which of the markers found lie on the finger's lattice; those that do not are glare or dirt. A finger has a lattice
-    /// where its file says how the camera sees the gel (then markers stand a pitch apart along both axes of the
-    /// rectified image) and most of its dots are found to lie on one. None for any other finger: all its dots are markers.
+    /// Which of the markers found lie on the finger's lattice; the others are glare or dirt. A finger has a lattice if
+    /// its file has a rectification (then markers are a pitch apart along both axes of the rectified image) and most of
+    /// its dots lie on one. None for any other finger: all its dots are markers.
     fn on_lattice(&self, markers: &[RestMarker]) -> Option<Vec<bool>> {
         self.sensor.rectification.as_ref()?;
         lattice::on_lattice(&places(markers), self.sensor.pitch_px)
     }
 
-    /// Why markers that stand so far apart are not this finger's, and with which flip they would be; None when they are.
-    /// Distances alone do not always show a wrong flip: where the markers lie on no lattice but would with another
-    /// flip, they are not this finger's, either. The picture taken last is mirrored, so this comes last.
+    /// Why markers with this spacing are not this finger's, and with which flip they would be; None when they are. The
+    /// spacing alone does not always reveal a wrong flip: markers that lie on a lattice only with another flip are not
+    /// this finger's, either. Call it last: it mirrors the last image.
     fn spacing_refusal(&mut self, got_px: f64, regular: bool) -> Option<Reason> {
         let expected_px = self.sensor.pitch_px;
         let fits = lattice::fits(got_px, expected_px);
@@ -213,7 +213,7 @@ impl RestBuilder {
         (!fits || fitting.is_some()).then_some(Reason::MarkerSpacing { expected_px, got_px, fitting })
     }
 
-    /// The other flip with which most markers lie on the lattice, and how far apart they stand then, px.
+    /// The other flip with which most markers lie on the lattice, and their spacing then, px.
     fn fitting_flip(&mut self) -> Option<(Flip, f64)> {
         let mut now = self.sensor.flip;
         let mut best: Option<(usize, Flip, f64)> = None;

@@ -74,7 +74,7 @@ impl Settings {
         self
     }
 
-    /// Checks every setting, and that a finger at the size of its frames can be watched with them.
+    /// Checks every setting, and that they suit this finger at the size of its frames.
     pub(crate) fn check_for(&self, sensor: &Sensor) -> Result<(), SettingError> {
         self.check()?;
         self.check_elements(sensor)?;
@@ -88,7 +88,7 @@ impl Settings {
         Ok(())
     }
 
-    /// Structuring elements are given in pitches, and have a largest size in px.
+    /// Structuring elements are given in pitches and limited in px.
     fn check_elements(&self, sensor: &Sensor) -> Result<(), SettingError> {
         let ContactSettings { close_pitch, erode_pitch, dilate_pitch, .. } = self.contact;
         let of_texture = [
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
     use crate::sensor::tests::smooth;
 
-    /// A step so large that no structuring element of the kernels holds it is refused by its key, not met with a panic.
+    /// A setting whose structuring element is too large for the kernels is refused by its key, without a panic.
     #[test]
     fn elements_larger_than_the_kernels_take_are_refused() {
         let finger = |pitch_px: f64, skin| Sensor { pitch_px, skin, ..smooth() };

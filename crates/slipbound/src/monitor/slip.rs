@@ -49,7 +49,7 @@ pub struct SlipSettings {
     pub threshold_pitch: f64,
     /// Incipient slip is more than this share of all markers at once. The paper's code: 7 of 400.
     pub over_fraction: f64,
-    /// Incipient slip is never fewer markers than this: one marker alone may be a broken one.
+    /// Fewest markers for incipient slip: a single one may be defective.
     pub over_min_count: u32,
 }
 
@@ -157,8 +157,9 @@ impl Slip {
 }
 
 impl Slip {
-    /// Says what slips where the slip field does not: the object goes where the load pulls it, translation and rotation as pull
-    /// and turn move the gel, both in px3: displacement of the gel times its area. Without any load it is not known.
+    /// Sets kind and direction from the load where the slip field does not show them: the object moves where the load
+    /// pulls it, with the shares by which pull and turn move the gel, both in px3: displacement of the gel times its
+    /// area. Without load they are unknown.
     pub(super) fn say_load(&mut self, pull_px3: Vec2, turn_px3: f64) {
         if pull_px3 == Vec2::ZERO && turn_px3 == 0.0 {
             return;
@@ -169,7 +170,7 @@ impl Slip {
     }
 }
 
-/// Rotation when it makes more than two thirds of the motion at the rim, translation when less than one.
+/// Rotation when it makes up more than two thirds of the motion at the rim, translation when less than one third.
 fn kind(rotation_px: f64, translation_px: f64) -> SlipKind {
     let share = rotation_px / (rotation_px + translation_px).max(f64::MIN_POSITIVE);
     match share {
@@ -179,7 +180,7 @@ fn kind(rotation_px: f64, translation_px: f64) -> SlipKind {
     }
 }
 
-/// Marks which markers lie in the contact region; returns how many that lie whole in view do.
+/// Marks the markers in the contact region; returns how many of them are completely in view.
 pub(super) fn mark_contact(contact: &Mask, markers: &mut [Marker]) -> u32 {
     let mut count = 0;
     for m in markers {
@@ -205,7 +206,7 @@ mod tests {
 
     const PITCH_PX: f64 = 30.0;
 
-    /// 10 x 7 markers in contact that all went the way of a motion, but for what a test does to each; what step 4 says of them.
+    /// Step 4 on 10 x 7 markers in contact that all follow a motion, except for the change that a test makes to each.
     fn judged(motion: RigidMotion, change: impl Fn(&mut Marker)) -> (Slip, Vec<Marker>) {
         let place = |i: u32| Vec2::new(f64::from(i % 10), f64::from(i / 10)) * PITCH_PX;
         let mut markers: Vec<Marker> = (0..70).map(|id| Marker::at_rest(id, place(id))).collect();
@@ -245,7 +246,7 @@ mod tests {
         assert_eq!((one.summary.markers_over, one.slips, one.summary.kind), (1, false, None), "one alone is none");
     }
 
-    /// Cut by the border, not seen when the reference was taken, not touched: what such markers did says nothing of slip.
+    /// Markers cut by the border, not found in the reference frame or out of contact give no information on slip.
     #[test]
     fn only_markers_whose_way_is_known_and_that_are_touched_slip() {
         let lag = |m: &mut Marker, spoil: fn(&mut Marker)| {
@@ -277,7 +278,7 @@ mod tests {
         assert_eq!(kind(0.5, 0.2), (SlipKind::Rotation, false));
         assert_eq!(kind(0.5, -0.2), (SlipKind::Rotation, false));
         assert_eq!(kind(20.0, 0.2), (SlipKind::Both, true));
-        // Two thirds of it are not enough to be called by one alone.
+        // A share of two thirds is not enough for a single kind.
         let mut slip = judged(along(Vec2::ZERO, 0.0), |_| {}).0;
         for (force, torque, kind) in [
             (1.01, 0.5, SlipKind::Translation),
@@ -321,7 +322,7 @@ mod tests {
         for m in &mut markers {
             (m.inner, m.over, m.slip) = (true, true, Vec2::new(1.0, 1.0));
         }
-        // Where it is now counts, to the nearest pixel.
+        // The current position counts, to the nearest pixel.
         markers[2].now.x = 30.6;
         markers[1].whole = false;
         assert_eq!(mark_contact(&region, &mut markers), 2);

@@ -1,31 +1,33 @@
 //! Boosted regression trees, read from a table.
 //!
-//! Its lines: `ensemble NAME VALUE`, the value it starts from, then its trees, one a line: `feature:threshold` of the splits, level by level,
-//! and the values of the leaves, one more than there are splits. The trees of an ensemble are full and equally deep.
+//! Its lines: `ensemble NAME VALUE` with the base value, then the trees, one per line: `feature:threshold` of the
+//! splits, level by level, and the values of the leaves, one more than there are splits. The trees of an ensemble are
+//! complete and equally deep.
 
-/// Deepest trees that are read.
+/// Largest depth of a tree.
 const MOST_DEPTH: u32 = 12;
 
-/// Most features that trees look at, and most thresholds of one.
+/// Most features, and most thresholds per feature.
 const MOST_FEATURES: usize = 64;
 const MOST_THRESHOLDS: usize = 255;
 
-/// Split i goes on with split 2 i + 1 where the feature is at most the threshold, else with 2 i + 2; behind the last splits are the leaves.
+/// Split i continues with split 2 i + 1 where the feature is at most the threshold, else with 2 i + 2; the leaves
+/// follow the last splits.
 ///
-/// A threshold is known by its number among those of its feature, from the lowest on. In one frame after the other the table is no
-/// longer in the caches nearby; so it is a quarter as many bytes.
+/// A threshold is stored as its rank among those of its feature, in ascending order: this needs a quarter of the bytes,
+/// and between frames the table does not stay in the near caches.
 #[derive(Debug, Clone, Copy)]
 struct Split {
     feature: u8,
     threshold: u8,
 }
 
-/// Trees whose leaves add up.
+/// Trees whose leaves are summed.
 #[derive(Debug, Clone)]
 pub(super) struct Ensemble {
     base: f64,
     depth: u32,
-    /// Of each feature, rising.
+    /// Of each feature, ascending.
     thresholds: Vec<Vec<f32>>,
     /// Of all trees, one after the other.
     splits: Vec<Split>,
@@ -41,8 +43,8 @@ impl Default for Ensemble {
     }
 }
 
-/// The ensembles of a table by these names, in their order, of so many features (64 at most); None when a line is not as described above, or
-/// a feature has more than 255 thresholds in an ensemble.
+/// The ensembles of a table by these names, in this order, with `features_count` features (64 at most); None when a
+/// line is not as described above, or a feature has more than 255 thresholds in an ensemble.
 pub(super) fn parse<const NAMES: usize>(
     text: &str,
     names: [&str; NAMES],
@@ -68,7 +70,7 @@ pub(super) fn parse<const NAMES: usize>(
 }
 
 impl Ensemble {
-    /// Adds the tree of a line, its splits to those that were read.
+    /// Adds the tree of a line; appends its splits to `read`.
     fn add(&mut self, line: &str, features_count: usize, read: &mut Vec<Read>) -> Option<()> {
         let words = || line.split_ascii_whitespace();
         let splits_count = words().filter(|word| word.contains(':')).count();
@@ -91,7 +93,7 @@ impl Ensemble {
         Some(())
     }
 
-    /// Numbers the thresholds of the splits that were read.
+    /// Ranks the thresholds of the splits in `read`.
     fn number(&mut self, read: &[Read], features_count: usize) -> Option<()> {
         self.thresholds = vec![Vec::new(); features_count];
         for &(feature, threshold) in read {
@@ -110,7 +112,7 @@ impl Ensemble {
         fits.then_some(())
     }
 
-    /// What it says of these features.
+    /// The prediction for these features.
     pub fn at(&self, features: &[f64]) -> f64 {
         let mut passed = [0u8; MOST_FEATURES];
         for ((passed, thresholds), &value) in passed.iter_mut().zip(&self.thresholds).zip(features) {
@@ -128,7 +130,7 @@ impl Ensemble {
         })
     }
 
-    /// How many trees.
+    /// Number of trees.
     pub fn trees_count(&self) -> usize {
         self.leaves.len() >> self.depth
     }

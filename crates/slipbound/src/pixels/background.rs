@@ -1,23 +1,23 @@
-//! Grey image -> its wide smooth, fast: a Gaussian in all but name, for illumination that varies slowly.
+//! Grey image -> its wide smooth, fast: an approximate Gaussian, for illumination that varies slowly.
 //!
 //! ```text
 //!   src --mean of 4x4 or 8x8--> tiles --3 boxes along rows, 3 along columns--> tiles --bilinear--> out
 //! ```
-//! The widths of the boxes are chosen so that all steps together have the variance of the Gaussian asked for.
+//! The box widths are chosen so that all steps together have the variance of the requested Gaussian.
 
 use super::border::{reflect, reflect_101};
 use super::wide::wide;
 use crate::image::SizePx;
 
-/// Levels are kept in these fractions among the tiles.
+/// Fixed-point resolution of the tiles: fractions of a level.
 const TILE_FRACTIONS: u32 = 64;
 /// Box passes along each axis; three bring a box within a few per cent of a Gaussian.
 const BOXES: usize = 3;
 
-/// The largest radius of a box, in tiles: for a Gaussian of some 250 px.
+/// Maximum radius of a box, in tiles: for a Gaussian of some 250 px.
 const MOST_RADIUS: usize = 31;
 
-/// The scratch of the wide smooth.
+/// The scratch memory of the wide smooth.
 #[derive(Debug, Clone)]
 pub struct Background {
     size: SizePx,
@@ -25,7 +25,7 @@ pub struct Background {
     tile_px: usize,
     tiles: SizePx,
     box_radii: [usize; BOXES],
-    /// Sums of a column over the rows of a tile, to whole tiles.
+    /// Column sums over the rows of a tile, padded to whole tiles.
     column_sums: Vec<u16>,
     /// Levels of the tiles in 64ths.
     levels: Vec<u16>,
@@ -36,11 +36,11 @@ pub struct Background {
 }
 
 impl Background {
-    /// Scratch for images of `size`; the smooth is that of a Gaussian of `sigma_px`, which should be 8 px or more
-    /// (below 6 px the smooth no longer shrinks with it, above 250 px it no longer grows).
+    /// Scratch memory for images of `size`; approximates a Gaussian of `sigma_px`, which should be 8 px or more (below
+    /// 6 px the smooth no longer shrinks with it, above 250 px it no longer grows).
     pub fn new(size: SizePx, sigma_px: f64) -> Self {
-        // Wide tiles are twice as fast; below sigma 20 the steps of the boxes show. bench/parity finds the result
-        // within 4 levels of the Gaussian everywhere, and within 1.2 in the mean of any frame.
+        // Wide tiles are twice as fast; below sigma 20 the steps of the boxes become visible. In bench/parity the
+        // result is within 4 levels of the Gaussian everywhere, and within 1.2 in the mean of any frame.
         let tile_px = if sigma_px >= 20.0 { 8 } else { 4 };
         let tiles = SizePx::new(size.width.div_ceil(tile_px), size.height.div_ceil(tile_px));
         let box_radii = box_radii(sigma_px / tile_px as f64);
@@ -85,7 +85,8 @@ impl Background {
         }
     }
 
-    /// Boxes along rows are boxes down the columns of the picture laid on its side: many sums side by side, not one after the other.
+    /// Row boxes are computed as column boxes of the transposed image: many sums in parallel instead of one after the
+    /// other.
     fn smooth_rows(&mut self) {
         let SizePx { width, height } = self.tiles;
         lay_on_its_side(&self.levels, width, &mut self.levels_next);
@@ -99,7 +100,7 @@ impl Background {
         self.smooth_down(self.tiles.width, self.tiles.height);
     }
 
-    /// Smooths levels in so many columns and rows down the columns.
+    /// Smooths levels of `n` columns and `height` rows along the columns.
     fn smooth_down(&mut self, n: usize, height: usize) {
         let sums = &mut self.box_sums[..n];
         for radius in self.box_radii {
@@ -120,7 +121,8 @@ impl Background {
         let [above, below] = &mut self.wide_rows;
         widen::<TILE>(&self.levels[..n], above);
         for (y, out) in out.chunks_exact_mut(width).enumerate() {
-            // Row y lies between the middles of two rows of tiles; before the first and after the last there is one.
+            // Row y lies between the middles of two rows of tiles; before the first and after the last there is only
+            // one.
             let ty = (y + TILE / 2) / TILE;
             let within = (y + TILE / 2) % TILE;
             if within == 0 || y == 0 {
@@ -136,9 +138,10 @@ impl Background {
     }
 }
 
-/// Radii of three boxes whose variance, with that of the tiles and of the bilinear growth, is `sigma_tiles` squared.
+/// Radii of three boxes whose variance, with that of the tiles and of the bilinear upsampling, is `sigma_tiles`
+/// squared.
 fn box_radii(sigma_tiles: f64) -> [usize; BOXES] {
-    // In tiles squared: 1/12 for the mean over a tile, 1/6 for the triangle of the growth.
+    // In tiles squared: 1/12 for the mean over a tile, 1/6 for the triangle kernel of the upsampling.
     let wanted = (sigma_tiles * sigma_tiles - 0.25).max(0.0);
     let variance = |radius: usize| (radius * (radius + 1)) as f64 / 3.0;
     let mut radii = [0; BOXES];
@@ -167,14 +170,14 @@ fn inverse(radius: usize) -> u32 {
     ((1 << 24) + width / 2) / width
 }
 
-/// A sum over a box -> its mean, rounded. The sum times `inverse`, in 2^-24, is that times its upper bits and that times its lower
-/// twelve, which both fit 32 bits up to [`MOST_RADIUS`].
+/// A sum over a box -> its mean, rounded. The product of the sum and `inverse`, in 2^-24, is computed from the upper
+/// bits and the lower twelve bits of `inverse`; both products fit 32 bits up to [`MOST_RADIUS`].
 #[inline(always)]
 fn mean_level(sum: u32, inverse: u32) -> u16 {
     ((sum * (inverse >> 12) + ((sum * (inverse & 0xfff) + (1 << 23)) >> 12)) >> 12) as u16
 }
 
-/// Rows become columns, by squares of so many levels a side as far as they go.
+/// Transposes, in square blocks as far as they fit.
 fn lay_on_its_side(levels: &[u16], width: usize, out: &mut [u16]) {
     const SIDE: usize = 8;
     let height = levels.len() / width.max(1);
@@ -251,7 +254,7 @@ fn widen<const TILE: usize>(tiles: &[u16], out: &mut [u16]) {
 }
 
 wide! {
-    /// Two rows in 16ths of a level -> the row that lies `weight` 16ths from the first to the second.
+    /// Two rows in 16ths of a level -> the row `weight` 16ths of the way from the first to the second.
     fn between(above: &[u16], below: &[u16], weight: u16, out: &mut [u8]) {
         for ((out, &above), &below) in out.iter_mut().zip(above).zip(below) {
             *out = ((above * (16 - weight) + below * weight + 128) >> 8) as u8;
@@ -289,7 +292,7 @@ mod tests {
             let (upright, laid) =
                 (smooth(SizePx::new(width, height), &upright), smooth(SizePx::new(height, width), &laid));
             for i in 0..width * height {
-                // Sums are rounded after each pass, along one axis first.
+                // Sums are rounded after each pass; the order of the axes differs.
                 let (a, b) = (upright[i], laid[i % width * height + i / width]);
                 assert!(a.abs_diff(b) <= 1, "{width} x {height}, {i}: {a} and {b}");
             }

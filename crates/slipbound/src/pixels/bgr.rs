@@ -1,9 +1,9 @@
-//! Pixels in the order blue, green, red, as some programs and cameras hand them over, put into ours.
+//! Pixels in the order blue, green, red, as some programs and cameras deliver them, converted to red, green, blue.
 
 use crate::image::{ImageError, Rgb, SizePx};
 
-/// Swaps a picture whose rows begin `stride_bytes` apart into `rgb`, rows without gaps. Fails when a buffer is too short, or
-/// when there is nothing to swap.
+/// Converts an image whose rows begin `stride_bytes` apart into `rgb`, rows without gaps. Fails when a buffer is too
+/// short, or when the image is empty.
 pub fn to_rgb(bgr: &[u8], size: SizePx, stride_bytes: usize, rgb: &mut [u8]) -> Result<(), ImageError> {
     let rows = Rgb::with_stride(bgr, size, stride_bytes)?;
     if rgb.len() < 3 * size.area() {

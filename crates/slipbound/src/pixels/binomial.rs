@@ -1,26 +1,26 @@
-//! Average over a neighbourhood of 5 x 5 with weights 1 4 6 4 1 each way, of colours some of which are hidden.
+//! Average over a neighbourhood of 5 x 5 with weights 1 4 6 4 1 each way, of colours some of which are masked.
 
 use super::wide::wide;
 
-/// Red, green, blue and the weight of a cell, all multiplied by the weight; zeros where it is hidden.
+/// Red, green, blue and the weight of a cell, all multiplied by the weight; zeros where it is masked.
 pub type Weighted = [f32; 4];
 
-/// Cells beyond the border that the sums look at.
+/// Number of cells beyond the border that the sums read.
 const REACH: usize = 2;
 
-/// The scratch of the average.
+/// The scratch memory of the average.
 #[derive(Debug, Clone)]
 pub struct Binomial {
     columns: usize,
-    /// One row without anything.
+    /// An empty row.
     nothing: Vec<Weighted>,
-    /// Sums of columns, with nothing on both sides.
+    /// Column sums, with zeros on both sides.
     line: Vec<Weighted>,
     rows: Vec<Weighted>,
 }
 
 impl Binomial {
-    /// Scratch for `count` cells in rows of `columns`.
+    /// Scratch memory for `count` cells in rows of `columns`.
     pub fn new(columns: usize, count: usize) -> Self {
         Binomial {
             columns,
@@ -30,8 +30,8 @@ impl Binomial {
         }
     }
 
-    /// Replaces each colour by that of its neighbourhood, hidden cells left out, and each weight by the sum of weights there, at
-    /// most 256. A cell of which nothing near is seen becomes black.
+    /// Replaces each colour by the average of its neighbourhood without masked cells, and each weight by the sum of
+    /// weights there, at most 256. A cell without any unmasked neighbour becomes black.
     pub fn run(&mut self, values: &mut [Weighted]) {
         let n = self.columns;
         let count = values.len() / n.max(1);

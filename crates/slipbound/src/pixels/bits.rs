@@ -3,8 +3,8 @@
 /// Packs 64 flags, each 0 or 1; flag i becomes bit i.
 #[inline]
 pub(crate) fn pack_64(flags: &[u8; 64]) -> u64 {
-    // Flag 8 k + j comes to lie at bit 8 j + k: an 8 x 8 table of bits, to be transposed. (Gathering each eight flags
-    // by a multiplication is as fast with SSE2, and four times slower where LLVM vectorises the product for AVX2.)
+    // Flag 8 k + j moves to bit 8 j + k: an 8 x 8 bit matrix to be transposed. (Gathering each eight flags by a
+    // multiplication is as fast with SSE2, and four times slower where LLVM vectorises the product for AVX2.)
     let mut table = 0;
     for (k, eight) in flags.as_chunks::<8>().0.iter().enumerate() {
         table |= u64::from_le_bytes(*eight) << k;
@@ -12,7 +12,7 @@ pub(crate) fn pack_64(flags: &[u8; 64]) -> u64 {
     transpose_8x8(table)
 }
 
-/// The same for flags of 0 or 255, a row of them; flags beyond the last 64 are left out.
+/// The same for a row of flags of 0 or 255; flags beyond the last 64 are dropped.
 pub(crate) fn pack_row(flags: &[u8], words: &mut [u64]) {
     #[cfg(target_arch = "x86_64")]
     if super::wide::vectors() >= super::wide::Vectors::Avx2 {

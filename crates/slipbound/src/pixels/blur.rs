@@ -1,14 +1,14 @@
-//! Symmetric blur of a coarse field by the same weights along rows and along columns; nothing lies beyond the border.
+//! Symmetric blur of a coarse field by the same weights along rows and along columns; zero beyond the border.
 
 use super::wide::wide;
 
-/// The weights and the scratch.
+/// The weights and the scratch memory.
 #[derive(Debug, Clone)]
 pub struct Blur {
     columns: usize,
     /// From the middle outwards.
     weights: Vec<f32>,
-    /// One row with nothing on both sides of it, as far as the blur reaches.
+    /// One row with zeros on both sides, as far as the blur reaches.
     line: Vec<f32>,
     rows: Vec<f32>,
 }
@@ -49,7 +49,7 @@ impl Blur {
 }
 
 wide! {
-    /// `line` reaches as far beyond `out` on both sides as there are weights beside the first.
+    /// `line` extends beyond `out` on both sides by the number of weights after the first.
     fn blur_line(line: &[f32], weights: &[f32], out: &mut [f32]) {
         const PLACES: usize = 16;
         let reach = weights.len() - 1;

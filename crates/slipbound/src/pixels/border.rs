@@ -1,4 +1,4 @@
-//! Which pixel stands in for one beyond the border.
+//! Index of the pixel that replaces one beyond the border.
 
 /// The index in `0..len` that mirrors `i` about the centres of the border pixels: for 0 1 2 3 it reads 2 1 0 1 2 3 2 1.
 pub(crate) fn reflect_101(i: isize, len: usize) -> usize {

@@ -5,7 +5,7 @@
 //!                                                          strong + every weak touching it (8 ways) -> out
 //! ```
 //! Pixel for pixel what cv2.Canny(src, low, high) gives, with its default aperture and L1 norm. A band of rows is
-//! treated as an image of its own: neither gradient nor edge crosses its border.
+//! treated as a separate image: neither gradient nor edge crosses its border.
 
 use super::bits::pack_row;
 use super::wide::wide;
@@ -21,7 +21,7 @@ const RISING: i16 = 3;
 /// tan(22.5 degrees) in 2^-15, as integer edge detectors write it.
 const TAN_22: i32 = 13573;
 
-/// The scratch of the edge detector.
+/// The scratch memory of the edge detector.
 #[derive(Debug, Clone)]
 pub struct Canny {
     size: SizePx,
@@ -43,7 +43,7 @@ pub struct Canny {
 }
 
 impl Canny {
-    /// Scratch for images of `size`.
+    /// Scratch memory for images of `size`.
     pub fn new(size: SizePx) -> Self {
         let (n, whole) = (size.width, size.width.next_multiple_of(64));
         let weak = Mask::new(size);
@@ -62,9 +62,9 @@ impl Canny {
         }
     }
 
-    /// Finds the edges in `rows` of `src` (rows without a gap) and writes those rows of `out`, no others. Thresholds
-    /// are magnitudes |dx| + |dy| of the Sobel gradient, 4 times the difference of levels across a step; an edge
-    /// exceeds them. Exchanged when low is above high.
+    /// Finds the edges in `rows` of `src` (rows without a gap) and writes only those rows of `out`. Thresholds are
+    /// magnitudes |dx| + |dy| of the Sobel gradient, 4 times the difference of levels across a step; an edge exceeds
+    /// them. They are swapped when low is above high.
     pub fn run(&mut self, src: &[u8], rows: Range<usize>, low: u16, high: u16, out: &mut Mask) {
         assert_eq!(src.len(), self.size.area(), "source of another size");
         assert_eq!(out.size(), self.size, "mask of another size");
@@ -96,7 +96,7 @@ impl Canny {
         self.follow(rows, out);
     }
 
-    /// Row y of the weak and the strong pixels; magnitudes of the rows beside it are there.
+    /// Marks the weak and the strong pixels of row y; needs the magnitudes of the adjacent rows.
     fn mark_ridges(&mut self, y: usize, low: i16, high: i16, strong: &mut Mask) {
         let n = self.size.width;
         let [above, here, below] = [(y + 2) % 3, y % 3, (y + 1) % 3].map(|i| &self.magnitudes[i][..]);
@@ -106,8 +106,8 @@ impl Canny {
         pack_row(&self.strong_row, strong.row_mut(y));
     }
 
-    /// Spreads the strong pixels over the weak ones they touch, 64 pixels at a time: only words with weak pixels that are not strong yet
-    /// are looked at, again when a neighbour has grown.
+    /// Spreads the strong pixels over the weak ones they touch, 64 pixels at a time. Only words with weak pixels that
+    /// are not strong yet are visited, and again when a neighbour has grown.
     fn follow(&mut self, rows: Range<usize>, strong: &mut Mask) {
         let per_row = strong.row(0).len();
         let words = rows.start * per_row..rows.end * per_row;
@@ -123,7 +123,7 @@ impl Canny {
             self.stacked[i] = false;
             let open = weak[i] & !strong[i];
             let column = i % per_row;
-            // The rows above and below; within the band, and within the row, what is beyond is the word itself once more.
+            // The rows above and below; beyond the band or the row the word itself is used again.
             let above = if i >= words.start + per_row { i - per_row } else { i };
             let below = if i + per_row < words.end { i + per_row } else { i };
             let (before, after) = (usize::from(column > 0), usize::from(column + 1 < per_row));
@@ -137,7 +137,7 @@ impl Canny {
                 continue;
             }
             strong[i] |= new;
-            // What has grown beside a word lies at its end.
+            // Growth affects a neighbouring word only through the end bits.
             let (before, after) = (before & new as usize, after & (new >> 63) as usize);
             for row in [above, i, below] {
                 for at in row - before..=row + after {
@@ -191,8 +191,8 @@ wide! {
 }
 
 wide! {
-    /// Marks the pixels whose magnitude is not exceeded along the gradient: those above low as weak, above high as strong,
-    /// by 255.
+    /// Marks the pixels whose magnitude is not exceeded along the gradient, with 255: those above low as weak, above
+    /// high as strong.
     fn ridges(
         above: &[i16],
         here: &[i16],
@@ -209,7 +209,7 @@ wide! {
         let (directions, strong) = (&directions[..n], &mut strong[..n]);
         for i in 0..n {
             let (m, d) = (mid[i], directions[i]);
-            // All ones in the direction that it has: what a branch would choose.
+            // A mask of all ones for the direction of the gradient: a select without a branch.
             let [across, down, falling, rising] =
                 [ACROSS, DOWN, FALLING, RISING].map(|direction| i16::from(d == direction).wrapping_neg());
             let before =
@@ -217,7 +217,7 @@ wide! {
             let after = right[i] & across | below_mid[i] & down | below_right[i] & falling | below_left[i] & rising;
             // Of two equal neighbours along an axis the first counts.
             let is_ridge = (m > before) & (m >= after - (falling | rising));
-            // Never above a threshold where it is none.
+            // 0, below every threshold, where it is no ridge.
             let ridge = m & i16::from(is_ridge).wrapping_neg();
             weak[i] = u8::from(ridge > low).wrapping_neg();
             strong[i] = u8::from(ridge > high).wrapping_neg();
@@ -225,7 +225,7 @@ wide! {
     }
 }
 
-/// The runs of `allowed` that hold a pixel of `seeds`.
+/// The runs of `allowed` that contain a pixel of `seeds`.
 fn fill_word(seeds: u64, allowed: u64) -> u64 {
     let mut filled = seeds;
     loop {

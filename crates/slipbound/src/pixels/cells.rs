@@ -1,10 +1,10 @@
-//! Mean colour of square cells: colour pixels -> a coarse picture of block means, three numbers a cell.
+//! Mean colour of square cells: colour pixels -> a coarse image of block means, three numbers per cell.
 
 use super::wide::wide;
 use crate::image::{ByteOrder, Pixels, SizePx};
 use std::ops::Range;
 
-/// A coarse picture: block means in grey levels, row by row.
+/// A coarse image: block means in grey levels, row by row.
 #[derive(Debug, Clone)]
 pub struct Cells {
     cell_px: usize,
@@ -16,8 +16,8 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Cells of `cell_px` x `cell_px` pixels (at most 16) on an image of `size`; what is left over at the right
-    /// and lower border is not covered.
+    /// Cells of `cell_px` x `cell_px` pixels (at most 16) on an image of `size`; the remainder at the right and lower
+    /// border is not covered.
     pub fn new(size: SizePx, cell_px: usize) -> Self {
         assert!((1..=16).contains(&cell_px), "16-bit column sums hold cells of at most 16 px");
         let (columns, rows) = (size.width / cell_px, size.height / cell_px);
@@ -45,12 +45,12 @@ impl Cells {
         &self.means
     }
 
-    /// Takes the means of a picture of the size given to `new`.
+    /// Computes the means of an image of the size given to `new`.
     pub fn run(&mut self, pixels: &Pixels<'_>) {
         self.run_rows(pixels, 0..self.rows);
     }
 
-    /// Takes the means of some rows of cells alone; the others stay.
+    /// Computes the means of some rows of cells only; the others are kept.
     pub fn run_rows(&mut self, pixels: &Pixels<'_>, cell_rows: Range<usize>) {
         match pixels {
             Pixels::Rgb(image) => {
@@ -83,7 +83,7 @@ impl Cells {
                 y += 4;
             }
             (y..end).for_each(|y| add_bytes(row(y), sums));
-            // Of each pixel, those to its right: one, then three, then seven; a sum over 16 x 16 pixels still fits.
+            // Adds to each pixel those to its right: one, then three, then seven; a sum over 16 x 16 pixels still fits.
             let (mut sums, mut next, mut pixels) = (sums, &mut self.sums_next[..used], 1);
             while c.is_multiple_of(2 * pixels) {
                 add_right(sums, pixels * CHANNELS, next);
@@ -108,7 +108,7 @@ impl Cells {
 }
 
 wide! {
-    /// The channels at the head of each stretch of sums, times a factor; a single one for all three.
+    /// The channels at the start of each stretch of sums, times a factor; a single channel is used for all three.
     fn scale<const CHANNELS: usize>(sums: &[u16], stretch: usize, factor: f32, means: &mut [[f32; 3]]) {
         for (mean, sums) in means.iter_mut().zip(sums.chunks_exact(stretch)) {
             *mean = std::array::from_fn(|k| f32::from(sums[k.min(CHANNELS - 1)]) * factor);
@@ -119,7 +119,7 @@ wide! {
         sums.iter_mut().zip(row).for_each(|(sum, &value)| *sum += u16::from(value));
     }
 
-    /// Four rows in place of what was there.
+    /// Replaces the sums by those of four rows.
     fn sum_four(rows: [&[u8]; 4], sums: &mut [u16]) {
         let n = sums.len();
         let [a, b, c, d] = rows.map(|row| &row[..n]);
@@ -128,7 +128,7 @@ wide! {
         }
     }
 
-    /// Four rows at once: each sum is fetched and put back once for all.
+    /// Adds four rows at once: each sum is loaded and stored once for all four.
     fn add_four(rows: [&[u8]; 4], sums: &mut [u16]) {
         let n = sums.len();
         let [a, b, c, d] = rows.map(|row| &row[..n]);
@@ -137,7 +137,7 @@ wide! {
         }
     }
 
-    /// Adds to each sum the one `away` further on; the last `away` are left alone.
+    /// Adds to each sum the one `away` further on; the last `away` are unchanged.
     fn add_right(sums: &[u16], away: usize, out: &mut [u16]) {
         let right = &sums[away.min(sums.len())..];
         out.iter_mut().zip(sums.iter().zip(right)).for_each(|(out, (a, b))| *out = a + b);

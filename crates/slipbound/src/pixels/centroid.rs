@@ -1,9 +1,9 @@
-//! Where one dot is, to a few hundredths of a pixel: grey window -> centre, by the pull of its edge.
+//! Position of one dot, to a few hundredths of a pixel: grey window -> centre, by the pull of its edge.
 //!
 //! The centre c is where the pull `F(c) = sum over pixels of w(|p - c|) (p - c) grey(p)` vanishes. With
 //! `w(r) = g(r) / r`, g the slope of the edge, this is the maximum-likelihood position of a round dot in white
-//! noise; with w = 1 it would be the plain centroid, which listens as much to the noise inside and outside.
-//! An outer ring of small negative weight makes F blind to a constant and to a slope of light.
+//! noise; with w = 1 it would be the plain centroid, which is as sensitive to the noise inside and outside.
+//! An outer ring of small negative weight makes F independent of a constant and of a linear slope of light.
 //!
 //! ```text
 //!   w |      ___
@@ -13,22 +13,22 @@
 //!                   -------       the ring, against slopes of light
 //! ```
 //!
-//! The weights are tabulated as whole numbers for assumed centres an eighth of a pixel apart (a quarter for large
-//! dots): a pull is a sum of products of integers, the same in any order. F is straight over half a pixel, so the
-//! step from the nearest assumed centre to the true one loses only what the stiffness is wrong by.
+//! The weights are tabulated as integers for assumed centres an eighth of a pixel apart (a quarter for large dots): a
+//! pull is a sum of products of integers, the same in any order. F is linear over half a pixel, so the step from the
+//! nearest assumed centre to the true one is only as inaccurate as the stiffness.
 
 use super::wide::wide;
 use crate::image::SizePx;
 use crate::plane::Vec2;
 
-/// Assumed centres per pixel along each axis, and the half width of the window up to which there are so many: the
-/// tables of larger dots would leave the cache.
+/// Assumed centres per pixel along each axis, and the largest half width of the window for which this many are used:
+/// the tables of larger dots would exceed the cache.
 const FINE: (usize, usize) = (8, 16);
 /// Assumed centres per pixel along each axis for larger dots.
 const COARSE: usize = 4;
-/// A dot pulls along its weaker axis with at least this share of the stronger one's.
+/// The pull along the weaker axis of a dot is at least this share of the stronger one.
 const STRIPE_RATIO: f64 = 0.25;
-/// Pixels that are weighed side by side.
+/// Number of pixels that are weighted in parallel.
 const LANES: usize = 16;
 /// The largest tabulated weight.
 const FULL_WEIGHT: f64 = 8000.0;
@@ -38,7 +38,7 @@ const FULL_WEIGHT: f64 = 8000.0;
 struct Phase {
     along: Vec<i16>,
     across: Vec<i16>,
-    /// Both, with rows of a whole number of [`LANES`], zeros after them.
+    /// Both, with rows padded by zeros to a whole number of [`LANES`].
     padded: Vec<[[i16; LANES]; 2]>,
     along_sum: i64,
     across_sum: i64,
@@ -62,7 +62,7 @@ impl EdgeKernel {
         let radius = diameter_px / 2.0;
         let edge = (edge_share * radius).max(0.8);
         let inner = radius + 1.6 * edge;
-        // The ring stays off the edges of the neighbours.
+        // The ring must not reach the edges of the neighbours.
         let outer = (radius + 5.5 * edge).min(pitch_px - radius - edge).max(inner + 1.5);
         let pull = |r: f64| {
             let t = (r - radius) / edge;
@@ -93,16 +93,16 @@ impl EdgeKernel {
         EdgeKernel { radius_px: radius, half, per_px, phases }
     }
 
-    /// Whether a dot centred here lies whole in the image, its rim included.
+    /// Whether a dot centred here lies entirely within the image, including its rim.
     pub fn holds(&self, size: SizePx, centre: Vec2) -> bool {
         let margin = self.radius_px + 0.5;
         let (x_max, y_max) = (size.width as f64 - 1.0 - margin, size.height as f64 - 1.0 - margin);
         centre.x >= margin && centre.x <= x_max && centre.y >= margin && centre.y <= y_max
     }
 
-    /// The pull F near `centre`, and the assumed centre it is the pull at, within half a step of the table on each axis.
-    /// Positive x when brighter pixels lie at larger x. None where the border of the image would cut the dot: there
-    /// the rest of its rim pulls it inwards.
+    /// The pull F near `centre`, and the assumed centre it is computed for, within half a step of the table on each
+    /// axis. Positive x when brighter pixels lie at larger x. None where the border of the image would cut the dot:
+    /// there the rest of its rim pulls it inwards.
     pub fn pull(&self, grey: &[u8], size: SizePx, centre: Vec2) -> Option<(Vec2, Vec2)> {
         if !self.holds(size, centre) {
             return None; // also when the centre is not a number
@@ -116,7 +116,7 @@ impl EdgeKernel {
         let (columns, rows) = (part(column, size.width), part(row, size.height));
         let whole = columns.len() == side && rows.len() == side;
         let line = |y: usize| &grey[(row + y - half) * size.width + column + columns.start - half..][..columns.len()];
-        // On a pixel grid the ring cancels a constant only roughly: take off the level of the window's rim first.
+        // On a pixel grid the ring cancels a constant only approximately: subtract the level of the window's rim first.
         let rim = |y: usize| line(y).iter().map(|&v| u32::from(v)).sum::<u32>();
         let level = f64::from(rim(rows.start) + rim(rows.end - 1)) / (2 * columns.len()) as f64;
         let corner = (row + rows.start - half) * size.width + column + columns.start - half;
@@ -140,7 +140,7 @@ impl EdgeKernel {
         Some((force / FULL_WEIGHT, at))
     }
 
-    /// How fast the pull grows when the assumed centre leaves the dot, by moving it half a pixel each way:
+    /// Rate at which the pull grows when the assumed centre leaves the dot, from shifts of half a pixel each way:
     /// negative for a bright dot, positive for a dark one, per px. None at the border, and where it grows along one
     /// axis only: a stripe, or the foot of a slope of light, is no dot.
     pub fn stiffness(&self, grey: &[u8], size: SizePx, centre: Vec2) -> Option<f64> {
@@ -153,7 +153,7 @@ impl EdgeKernel {
         (weak * strong > 0.0 && weak.abs() >= STRIPE_RATIO * strong.abs()).then_some((along + across) / 2.0)
     }
 
-    /// The stiffness on a round dark dot of one level of depth whose edge has this blur.
+    /// The stiffness for a round dark dot, one level deep, with an edge of this blur.
     pub fn stiffness_of_a_disc(&self, edge_px: f64) -> f64 {
         let side = 2 * self.half + 7;
         let (size, centre) = (SizePx::new(side, side), Vec2::new(1.0, 1.0) * (side / 2) as f64);
@@ -188,7 +188,7 @@ impl EdgeKernel {
             }
             centre = at + step;
             if length < 0.13 {
-                break; // the pull is straight from here to the centre
+                break; // the pull is linear from here to the centre
             }
         }
         Some(centre)
@@ -215,7 +215,8 @@ impl Phase {
     }
 }
 
-/// The pull through a whole window: its rows lie `stride` apart in `grey` and are so many lanes long; what is read beyond a row weighs nothing.
+/// The pull over a whole window: its rows lie `stride` apart in `grey` and are `per_row` lanes long; pixels beyond a
+/// row have zero weight.
 fn window_pull(grey: &[u8], stride: usize, weights: &[[[i16; LANES]; 2]], per_row: usize) -> [i64; 2] {
     #[cfg(target_arch = "x86_64")]
     if super::wide::vectors() >= super::wide::Vectors::Avx2 {
@@ -251,14 +252,14 @@ wide! {
     }
 }
 
-/// What stays in registers through a whole window is added up once, not once a row: less than half of what a compiler makes of the twin.
+/// Sums stay in registers over a whole window instead of a row: less than half of the time of the compiled twin.
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     use super::LANES;
     use crate::pixels::lanes::{bytes, sum, words};
     use std::arch::x86_64::*;
 
-    /// Rows whose products are added in 32 bits: two of a pixel and a weight in each of three lanes, each below 255 x 8001.
+    /// Rows summed in 32 bits: two products of a pixel and a weight in each of three lanes, each below 255 x 8001.
     const ROWS: usize = 128;
 
     /// ```text
@@ -299,7 +300,7 @@ fn row_pull(pixels: &[u8], along: &[i16], across: &[i16]) -> (i32, i32) {
     (x, y)
 }
 
-/// The offset of a phase from its whole pixel, in -0.5..0.5 px, for `per_px` phases a pixel.
+/// The offset of a phase from its whole pixel, in -0.5..0.5 px, for `per_px` phases per pixel.
 fn offset(phase: usize, per_px: usize) -> f64 {
     (phase as f64 + 0.5) / per_px as f64 - 0.5
 }

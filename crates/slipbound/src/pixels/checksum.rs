@@ -1,15 +1,15 @@
-//! A number that differs between pictures: to notice one that repeats.
+//! A checksum of an image, to detect repeated images.
 
 use super::wide::wide;
 
-/// Words that are mixed side by side: so many that a compiler keeps the loop over them, and makes vectors of it.
+/// Number of words that are mixed in parallel: large enough that the compiler keeps the loop and vectorises it.
 const LINES: usize = 256;
 
 wide! {
-    /// A checksum of bytes, 64 bits (words mixed by multiplication and rotation; not for secrets). Pictures that differ in one level have
-    /// different ones.
+    /// A 64-bit checksum of bytes (words mixed by multiplication and rotation; not cryptographic). Images that differ
+    /// in one level have different checksums.
     pub fn checksum(bytes: &[u8]) -> u64 {
-        // Lines of words side by side, so that no multiplication waits for another.
+        // Independent lines of words, so that no multiplication waits for another.
         let mut lines = [0u32; LINES];
         let (blocks, rest) = bytes.as_chunks::<{ 4 * LINES }>();
         for block in blocks {

@@ -1,10 +1,10 @@
-//! Mask -> its connected pieces: area, box, centroid; and the mask without the small ones, or without its holes.
+//! Mask -> its connected components: area, box, centroid; and the mask without the small ones, or without its holes.
 
 use super::runs::{Corners, Runs};
 use crate::image::{Mask, SizePx};
 use crate::plane::Vec2;
 
-/// A piece of a mask whose pixels touch each other along sides or at corners.
+/// A component of a mask: pixels connected along sides or at corners.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Component {
     /// Number of pixels.
@@ -21,7 +21,7 @@ pub struct Component {
     pub centroid_px: Vec2,
 }
 
-/// A run and the number, among all runs, of the first one of its piece.
+/// A run and the index of the first run of its component.
 #[derive(Debug, Clone)]
 pub(crate) struct RunOfPiece {
     pub(crate) row: usize,
@@ -29,24 +29,24 @@ pub(crate) struct RunOfPiece {
     pub(crate) piece: usize,
 }
 
-/// The scratch of the labelling.
+/// The scratch memory of the labelling.
 #[derive(Debug, Clone)]
 pub struct Components {
     size: SizePx,
     runs: Runs,
-    /// Per run the number of its piece.
+    /// Per run the index of its component.
     piece: Vec<u32>,
     components: Vec<Component>,
-    /// Sums of x and y over the pixels of each piece.
+    /// Sums of x and y over the pixels of each component.
     sums: Vec<[u64; 2]>,
-    /// Per run, of a root: whether its piece reaches the border.
+    /// Per root run: whether its component reaches the border.
     reaches_border: Vec<bool>,
-    /// Per piece, how much of it another mask fills.
+    /// Per component, the area that another mask fills.
     filled_px2: Vec<u32>,
 }
 
 impl Components {
-    /// Scratch for masks of `size`, enough for the most runs and pieces such a mask can have.
+    /// Scratch memory for masks of `size`, enough for the most runs and components such a mask can have.
     pub fn new(size: SizePx) -> Self {
         let runs = Runs::new(size);
         let most_runs = runs.all.capacity();
@@ -62,7 +62,7 @@ impl Components {
         }
     }
 
-    /// Finds the pieces of `mask`, in the order of their first pixel, row by row.
+    /// Finds the components of `mask`, in the order of their first pixel, row by row.
     pub fn label(&mut self, mask: &Mask) -> &[Component] {
         self.runs.find(mask, 0, Corners::Join);
         self.components.clear();
@@ -99,12 +99,12 @@ impl Components {
         &self.components
     }
 
-    /// The pieces found last.
+    /// The components found last.
     pub fn components(&self) -> &[Component] {
         &self.components
     }
 
-    /// Clears every piece of `mask` that `keep` does not want.
+    /// Clears every component of `mask` that `keep` rejects.
     pub fn retain(&mut self, mask: &mut Mask, keep: impl Fn(&Component) -> bool) {
         self.label(mask);
         for (run, &piece) in self.runs.all.iter().zip(&self.piece) {
@@ -114,7 +114,7 @@ impl Components {
         }
     }
 
-    /// Clears all but the piece of the largest area, of several the first; returns it, None from an empty mask.
+    /// Clears all but the largest component, the first of equal ones; returns it, None for an empty mask.
     pub fn keep_largest(&mut self, mask: &mut Mask) -> Option<Component> {
         self.label(mask);
         let mut largest = *self.components.first()?;
@@ -132,13 +132,13 @@ impl Components {
         Some(largest)
     }
 
-    /// Clears the pieces of fewer than `min_area_px2` pixels.
+    /// Clears the components of fewer than `min_area_px2` pixels.
     pub fn remove_small(&mut self, mask: &mut Mask, min_area_px2: usize) {
         self.retain(mask, |c| c.area_px2 >= min_area_px2);
     }
 
-    /// Clears the pieces of fewer than `least_area_px2` pixels, and those that `other` fills less than by `least_fraction` of the share by which
-    /// it fills the largest piece.
+    /// Clears the components of fewer than `least_area_px2` pixels, and those of which `other` fills less than
+    /// `least_fraction` times the share that it fills of the largest component.
     pub fn drop_weak(&mut self, mask: &mut Mask, other: &Mask, least_area_px2: usize, least_fraction: f64) {
         self.label(mask);
         self.filled_px2.clear();
@@ -158,7 +158,7 @@ impl Components {
         }
     }
 
-    /// Sets the clear pixels from which no way along sides of clear pixels leads to the border.
+    /// Sets the clear pixels that are not connected along sides of clear pixels to the border.
     pub fn fill_holes(&mut self, mask: &mut Mask) {
         self.runs.find(mask, u64::MAX, Corners::Part);
         self.reaches_border.clear();
@@ -174,11 +174,11 @@ impl Components {
                 run.write(mask, true);
             }
         }
-        // These runs were the clear ones: nothing is labelled now.
+        // These runs were the clear ones: no labelling is valid now.
         self.components.clear();
     }
 
-    /// The runs of a mask, row by row, and which of them belong together because they touch along sides.
+    /// The runs of a mask, row by row, and their components when only sides connect.
     pub(crate) fn runs_by_sides(&mut self, mask: &Mask) -> impl Iterator<Item = RunOfPiece> + Clone {
         self.runs_of(mask, 0)
     }
@@ -335,7 +335,7 @@ mod tests {
         assert_eq!((components.runs.all.capacity(), components.components.capacity()), reserved);
     }
 
-    /// Numbers the pieces by spreading from every pixel; 0 where the mask is not `of`.
+    /// Labels the components by flood fill from every pixel; 0 where the mask is not `of`.
     fn flood(mask: &Mask, of: bool, corners: bool) -> Vec<usize> {
         let SizePx { width, height } = mask.size();
         let mut numbers = vec![0; width * height];

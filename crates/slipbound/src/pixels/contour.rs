@@ -1,14 +1,14 @@
-//! A coarse field of values, one a cell -> the mask of pixels where the field, interpolated, exceeds a level.
+//! A coarse field of values, one per cell -> the mask of pixels where the field, interpolated, reaches a level.
 
 use super::threshold::at_least;
 use crate::image::Mask;
 
-/// Pixels of a row whose values are found side by side.
+/// Pixels of a row whose values are computed in parallel.
 const LANES: usize = 8;
 
-/// Sets the pixels of `out` at which the bilinear interpolation of `values` (row by row, `columns` of them, each
-/// at the centre of a cell of `cell_px` px) is at least `level`; beyond the outermost centres the field is constant. `cells`: scratch,
-/// one pixel a value; afterwards the values of at least `level`.
+/// Sets the pixels of `out` at which the bilinear interpolation of `values` (row by row, `columns` of them, each at the
+/// centre of a cell of `cell_px` px) is at least `level`; beyond the outermost centres the field is constant. `cells`:
+/// scratch memory, one pixel per value; afterwards it marks the values of at least `level`.
 pub fn mask_above(values: &[f32], columns: usize, cell_px: usize, level: f32, cells: &mut Mask, out: &mut Mask) {
     out.clear();
     let rows = values.len() / columns.max(1);
@@ -33,7 +33,7 @@ pub fn mask_above(values: &[f32], columns: usize, cell_px: usize, level: f32, ce
         let ys = square(i, rows, size.height);
         for word in 0..=last_word {
             let (all, any) = reached.corners(word);
-            // Runs of squares with all four corners are set at once.
+            // Runs of squares of which all four corners reach the level are set at once.
             let mut runs = all;
             while runs != 0 {
                 let from = runs.trailing_zeros() as usize;
@@ -58,7 +58,7 @@ pub fn mask_above(values: &[f32], columns: usize, cell_px: usize, level: f32, ce
                         let down = share(y, i);
                         let a = corners[0] + (corners[2] - corners[0]) * down;
                         let b = corners[1] + (corners[3] - corners[1]) * down;
-                        // Rounding keeps an order: along a row the value goes one way, so it crosses the level once.
+                        // Rounding preserves order: along a row the value is monotonic, so it crosses the level once.
                         let count: u32 = across.iter().map(|share| u32::from(a + (b - a) * share >= level)).sum();
                         let from = if b >= a { xs.end - count as usize } else { xs.start };
                         set_range(out.row_mut(y), from, from + count as usize);
@@ -69,7 +69,7 @@ pub fn mask_above(values: &[f32], columns: usize, cell_px: usize, level: f32, ce
     }
 }
 
-/// Which cells of two rows reach the level, one bit a cell.
+/// The cells of two rows that reach the level, one bit per cell.
 struct Reached<'a> {
     above: &'a [u64],
     below: &'a [u64],
@@ -77,8 +77,8 @@ struct Reached<'a> {
 }
 
 impl Reached<'_> {
-    /// Of 64 squares, those of which all four corners reach the level, and those of which at least one does. Square j has the cells
-    /// j - 1 and j for its left and right corners; beyond the border the outermost cells go on.
+    /// Of 64 squares, those of which all four corners reach the level, and those of which at least one does. Square j
+    /// has the cells j - 1 and j as its left and right corners; beyond the border the outermost cells are repeated.
     fn corners(&self, word: usize) -> (u64, u64) {
         let bits = |row: &[u64]| {
             let here = row.get(word).copied().unwrap_or(0);

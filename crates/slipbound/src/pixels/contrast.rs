@@ -1,14 +1,14 @@
-//! Contrast of square cells: grey picture -> mean difference of neighbouring pixels, one number a cell.
+//! Contrast of square cells: grey image -> mean difference of neighbouring pixels, one number per cell.
 
 use super::wide::wide;
 use crate::image::Gray;
 
-/// Longest side of a cell in px: the sum over its column still fits 16 bits.
+/// Maximum side of a cell in px: the sum over its column still fits 16 bits.
 pub const MOST_CELL_PX: usize = 64;
 
 /// Writes for each cell of `cell_px` x `cell_px` pixels (at most [`MOST_CELL_PX`]), row by row, the mean absolute
-/// difference between a pixel and those to its right and below, in levels. `sums`: scratch, one number a pixel of a row.
-/// `out` holds as many whole cells as the picture has.
+/// difference between a pixel and those to its right and below, in levels. `sums`: scratch memory, one number per pixel
+/// of a row. `out` has one number per whole cell of the image.
 pub fn cell_contrast(grey: Gray<'_>, cell_px: usize, sums: &mut [u16], out: &mut [f32]) {
     debug_assert!(cell_px <= MOST_CELL_PX, "a sum of {cell_px} pixels overflows");
     let size = grey.size();
@@ -20,7 +20,7 @@ pub fn cell_contrast(grey: Gray<'_>, cell_px: usize, sums: &mut [u16], out: &mut
         for y in cell_row * cell_px..(cell_row + 1) * cell_px {
             let row = grey.row(y);
             let below = grey.row((y + 1).min(size.height - 1));
-            // Those of the last row have none below.
+            // The last row has no pixels below.
             add_differences(row, below, sums);
         }
         for (out, cell) in out.iter_mut().zip(sums.chunks_exact(cell_px)) {
@@ -30,7 +30,7 @@ pub fn cell_contrast(grey: Gray<'_>, cell_px: usize, sums: &mut [u16], out: &mut
 }
 
 wide! {
-    /// Adds how far each pixel of a row is from the one to its right, which the last has not, and from the one below.
+    /// Adds the differences of each pixel of a row to the one to its right, except for the last, and to the one below.
     fn add_differences(row: &[u8], below: &[u8], sums: &mut [u16]) {
         let last = row.len() - 1;
         let (right, below, sums) = (&row[1..][..last], &below[..=last], &mut sums[..=last]);

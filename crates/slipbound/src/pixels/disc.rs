@@ -1,8 +1,8 @@
-//! Greyscale morphology of a coarse field: the greatest or the least value within a disc around every cell.
+//! Greyscale morphology of a coarse field: the maximum or minimum within a disc around every cell.
 //!
 //! ```text
 //!       # # #        the disc, row by row: widened[w] holds the extreme of 2 w + 1 neighbours of a row;
-//!     # # # # #      of each row the one as wide as the disc is there is taken
+//!     # # # # #      for each row of the disc the one with its width is used
 //!     # # o # #
 //!     # # # # #
 //!       # # #
@@ -10,7 +10,7 @@
 
 use super::wide::wide;
 
-/// A disc and its scratch.
+/// A disc and its scratch memory.
 #[derive(Debug, Clone)]
 pub struct Disc {
     columns: usize,
@@ -18,7 +18,7 @@ pub struct Disc {
     /// Half the width of the disc, by rows from its middle.
     half_widths: Vec<usize>,
     widened: Vec<Vec<f32>>,
-    /// A row with what changes nothing on both sides.
+    /// A row with neutral values on both sides.
     line: Vec<f32>,
 }
 
@@ -36,19 +36,19 @@ impl Disc {
         }
     }
 
-    /// Closes gaps narrower than the disc: the greatest value around every cell, then the least of those. Values must not be
+    /// Closes gaps narrower than the disc: the maximum around every cell, then the minimum of those. Values must not be
     /// negative.
     pub fn close(&mut self, values: &mut [f32]) {
         self.greatest(values);
         self.least(values);
     }
 
-    /// The greatest value within the disc around every cell. Values must not be negative.
+    /// The maximum within the disc around every cell. Values must not be negative.
     pub fn greatest(&mut self, values: &mut [f32]) {
         self.extreme::<true>(values);
     }
 
-    /// The least value within the disc around every cell.
+    /// The minimum within the disc around every cell.
     pub fn least(&mut self, values: &mut [f32]) {
         self.extreme::<false>(values);
     }
@@ -81,10 +81,10 @@ impl Disc {
     }
 }
 
-/// The greater of two, or the lesser.
+/// Maximum or minimum of two values.
 #[inline(always)]
 fn extreme<const GREATEST: bool>(a: f32, b: f32) -> f32 {
-    // As a vector's greater or lesser of two is defined.
+    // Written as vector maximum and minimum instructions define it.
     if if GREATEST { a > b } else { a < b } { a } else { b }
 }
 

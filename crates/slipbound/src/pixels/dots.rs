@@ -1,4 +1,4 @@
-//! Where dots are, to about half a pixel: grey image -> spots, by the difference of two box means.
+//! Approximate positions of dots, to about half a pixel: grey image -> spots, by the difference of two box means.
 //!
 //! ```text
 //!   +-----------+     response = mean of the ring - mean of the core (dark dots; reversed for bright ones)
@@ -27,13 +27,13 @@ pub struct Spot {
 /// The curvature of a spot along one axis is at most this many times that along the other.
 const RIDGE: f64 = 8.0;
 
-/// Decimated values are kept with two more bits than grey levels.
+/// Decimated values have two more bits than grey levels.
 const STEPS_PER_LEVEL: i32 = 4;
 
-/// Decimated pixels that are looked at side by side.
+/// Number of decimated pixels that are processed in parallel.
 const PLACES: usize = 32;
 
-/// So many decimated values make at most a number of 16 bits; no square is wider.
+/// Number of decimated values whose sum fits 16 bits; no square is wider.
 const MOST_SIDE: usize = u16::MAX as usize / (255 * STEPS_PER_LEVEL as usize);
 
 /// A square of decimated pixels.
@@ -48,7 +48,7 @@ impl Square {
     }
 }
 
-/// Finds spots of one dot size; owns all scratch.
+/// Finds spots of one dot size; owns all scratch memory.
 #[derive(Debug, Clone)]
 pub struct DotFinder {
     size: SizePx,
@@ -60,20 +60,20 @@ pub struct DotFinder {
     invert: bool,
     row_sums: Vec<u16>,
     padded: Vec<u16>,
-    /// Sums of columns of the padded image, as high as core and ring together and as high as the core; zeros after them.
+    /// Column sums of the padded image, over the height of core plus ring and over that of the core; zeros after them.
     all_columns: Vec<u16>,
     core_columns: Vec<u16>,
-    /// Sums of 2, 4, 8, .. neighbouring columns, and of as many as the squares are wide.
+    /// Sums of 2, 4, 8, .. neighbouring columns, and sums over the width of the squares.
     powers: Vec<Vec<u16>>,
     all_sums: Vec<i32>,
     core_sums: Vec<i32>,
-    /// Rows of it are so long, a whole number of places; what is beyond the image means nothing.
+    /// Row length of `response`, a multiple of [`PLACES`]; values beyond the image are meaningless.
     stride: usize,
     response: Vec<i32>,
     /// 255 where a row has a peak, and the same in bits.
     peaks: Vec<u8>,
     peak_bits: Vec<u64>,
-    /// Peaks in reading order, where those of each row begin, and their ranks, the strongest first.
+    /// Peaks in reading order, the start index of each row, and their ranks, the strongest first.
     found: Vec<Spot>,
     row_starts: Vec<u32>,
     ranks: Vec<u32>,
@@ -93,7 +93,7 @@ impl DotFinder {
         let ring_half = (2 * core_half + 1).min(widest).max(core_half + 1);
         let padded = SizePx::new(small.width + 2 * ring_half, small.height + 2 * ring_half);
         assert!(2 * ring_half < MOST_SIDE, "dots of {diameter_px} px: too large to be summed");
-        // The last places of a row are looked at with those beyond them.
+        // The last block of a row reads one block further.
         let stride = small.width.next_multiple_of(PLACES) + PLACES;
         let most = small.area() / 4 + small.width + small.height + 1;
         DotFinder {
@@ -185,7 +185,7 @@ impl DotFinder {
         }
     }
 
-    /// Core and ring together, and the core.
+    /// Core plus ring, and the core.
     fn squares(&self) -> (Square, Square) {
         (Square { side: 2 * self.ring_half + 1 }, Square { side: 2 * self.core_half + 1 })
     }
@@ -209,7 +209,7 @@ impl DotFinder {
             self.row_starts.push(self.found.len() as u32);
             let row = |y: usize| &self.response[y * self.stride..][..self.stride];
             find_peaks([row(y - 1), row(y), row(y + 1)], least, &mut self.peaks);
-            // What is at the right border, or beyond it, is no peak.
+            // The right border and pixels beyond it are never peaks.
             self.peaks[w - 2..].fill(0);
             pack_row(&self.peaks, &mut self.peak_bits);
             let words = self.peak_bits.iter().enumerate();
@@ -241,10 +241,11 @@ impl DotFinder {
         }
     }
 
-    /// Takes over the peaks, strongest first, without those that lie within half a pitch of a stronger one.
+    /// Keeps the peaks, strongest first, except those within half a pitch of a stronger one.
     fn keep_apart(&mut self) {
         let found = &self.found;
-        // Contrasts are positive, so their bits are in their order. Ties keep reading order, so the sort has one answer everywhere.
+        // Contrasts are positive, so their bit patterns sort like their values. Ties keep reading order, so the result
+        // is unique.
         self.order.clear();
         self.order.extend(found.iter().zip(0..).map(|(spot, i)| (!spot.response_levels.to_bits(), i)));
         self.order.sort_unstable_by(|a, b| {
@@ -258,7 +259,7 @@ impl DotFinder {
         self.taken.clear();
         self.taken.resize(found.len(), false);
         let near_squared = self.separation_px * self.separation_px;
-        // Only spots of rows within one separation can be too close; a spot is at most half a row off its own.
+        // Only spots of rows within one separation can be too close; a spot is at most half a row from its own row.
         let rows = (self.separation_px / f64::from(1u32 << self.shift)) as usize + 2;
         self.spots.clear();
         for (&(_, i), rank) in self.order.iter().zip(0..) {
@@ -279,7 +280,7 @@ impl DotFinder {
     }
 }
 
-/// The numbers of the bits that are set, ascending.
+/// The indices of the set bits, ascending.
 fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let bit = (bits != 0).then(|| bits.trailing_zeros() as usize)?;
@@ -293,11 +294,11 @@ wide! {
         sums.iter_mut().zip(row).for_each(|(sum, &v)| *sum += u16::from(v));
     }
 
-    /// Sums of 2 x 2 pixels, or what they lack of `flip`.
+    /// Sums of 2 x 2 pixels, or their difference to `flip`.
     fn decimate_by_2(above: &[u8], below: &[u8], flip: u16, out: &mut [u16]) {
         let pairs = above.as_chunks::<2>().0.iter().zip(below.as_chunks::<2>().0);
         for (out, (a, b)) in out.iter_mut().zip(pairs) {
-            // Left and right byte of a pair, taken apart as halves of one number.
+            // Left and right byte of a pair, split as halves of one number.
             let (a, b) = (u16::from_le_bytes(*a), u16::from_le_bytes(*b));
             *out = ((a & 255) + (a >> 8) + (b & 255) + (b >> 8)).abs_diff(flip);
         }
@@ -312,7 +313,7 @@ wide! {
         columns.iter_mut().zip(rows).for_each(|(sum, (&enters, &leaves))| *sum = sum.wrapping_add(enters).wrapping_sub(leaves));
     }
 
-    /// Sums of two that are `away` from one another.
+    /// Adds pairs of values that are `away` apart.
     fn add_away(of: &[u16], away: usize, sums: &mut [u16]) {
         for ((sum, &a), &b) in sums.iter_mut().zip(of).zip(&of[away..]) {
             *sum = a.wrapping_add(b);
@@ -333,15 +334,15 @@ wide! {
         }
     }
 
-    /// 255 where the places of the row between, from the second on, are at least `least` and a maximum among their eight neighbours; of
-    /// equal ones the first counts.
+    /// 255 where a value of the middle row, from the second on, is at least `least` and a maximum among its eight
+    /// neighbours; of equal ones the first counts.
     fn find_peaks(rows: [&[i32]; 3], least: i32, peaks: &mut [u8]) {
         let mut first = 0;
         for peaks in peaks.as_chunks_mut::<PLACES>().0 {
             let near = rows.map(|row| row.get(first..first + PLACES + 2));
             first += PLACES;
             let [Some(above), Some(here), Some(below)] = near else { return };
-            // Most of an image is no dot.
+            // Most of an image contains no dot.
             let strongest = here[1..=PLACES].iter().fold(i32::MIN, |most, &v| most.max(v));
             if strongest < least {
                 *peaks = [0; PLACES];
@@ -358,7 +359,7 @@ wide! {
     }
 }
 
-/// Sums of so many neighbours, each a sum of a column as high: by powers of two as far as 16 bits hold them.
+/// Sums of `side` neighbouring column sums of the same height: by powers of two as far as 16 bits suffice.
 ///
 /// ```text
 ///   11 = 4 + 4 + 2 + 1     * * * * * * * * * * *     sums of 2 are two of 1, sums of 4 two of 2
@@ -390,7 +391,7 @@ fn sum_along(columns: &[u16], side: usize, powers: &mut [Vec<u16>], sums: &mut [
 mod tests {
     use super::*;
 
-    /// Grey 150 with square dots of `side` px at the places given, `depth` levels darker.
+    /// Grey 150 with square dots of `side` px at the given places, `depth` levels darker.
     fn draw(size: SizePx, dots: &[(usize, usize)], side: usize, depth: u8) -> Vec<u8> {
         let mut grey = vec![150u8; size.area()];
         for &(cx, cy) in dots {
@@ -404,7 +405,7 @@ mod tests {
     #[test]
     fn sums_along_are_those_of_the_neighbours_whatever_their_number() {
         for side in [1, 2, 3, 5, 7, 11, 13, 27, 31, 63] {
-            // The highest columns that squares so wide have.
+            // The largest column sums for squares of this width.
             let columns: Vec<u16> = (0..96 + MOST_SIDE as u32).map(|i| (i * i % 1021) as u16 * side as u16).collect();
             let mut powers: Vec<Vec<u16>> = vec![vec![0; columns.len()]; 6];
             let mut sums = vec![0; 96];

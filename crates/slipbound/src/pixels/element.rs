@@ -1,25 +1,26 @@
-//! Structuring elements of morphology: piles of chords, nested in one another.
+//! Structuring elements of morphology: stacks of nested chords.
 
 use crate::image::{Mask, SizePx};
 
-/// The largest element, in px: it must not reach further than the padding.
+/// Maximum size of an element, in px: it must not exceed the padding.
 pub const MAX_ELEMENT_PX: usize = 1023;
 
-/// A structuring element, ready to be laid onto rows of bits.
+/// A structuring element, prepared for rows of bits.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Element {
     size: SizePx,
     pub(super) steps: Vec<Step>,
-    /// Offsets, source row minus output row, of the chords of all steps in turn; ascending within a step.
+    /// Offsets, source row minus output row, of the chords of all steps in order; ascending within a step.
     pub(super) rows: Vec<isize>,
-    /// How far each chord reaches to the left and to the right of the anchor, px, and its row as above; the widest first.
+    /// Left and right extent of each chord from the anchor, px, and its row as above; the widest first.
     chords: Vec<(usize, usize, isize)>,
-    /// Of an element at most a word wide: row and pixels of each chord from its left upper corner, the widest first; else empty.
+    /// For an element at most a word wide: row and pixels of each chord from its upper left corner, the widest first;
+    /// else empty.
     chord_bits: Vec<(usize, u64)>,
     pub(super) pad_words: usize,
 }
 
-/// Widens the chord by `left` and `right` px, then lays it onto the next `rows` output rows.
+/// Widens the chord by `left` and `right` px, then applies it to the next `rows` output rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Step {
     pub(super) left: u32,
@@ -33,7 +34,7 @@ impl Element {
         Self::from_chords(width_px, height_px, |_| Some((0, width_px)))
     }
 
-    /// The ellipse that fills a rectangle, drawn as OpenCV draws it. Sides of 1 to 1023 px, else a panic.
+    /// The ellipse that fills a rectangle, as OpenCV draws it. Sides of 1 to 1023 px, else a panic.
     pub fn ellipse(width_px: usize, height_px: usize) -> Self {
         let (a, b) = (width_px / 2, height_px / 2);
         let inverse = if b > 0 { 1.0 / (b * b) as f64 } else { 0.0 };
@@ -52,7 +53,7 @@ impl Element {
         self.size
     }
 
-    /// `chord` gives first and last + 1 column of a row; chords must be nested in one another and hold the anchor.
+    /// `chord` gives first and last + 1 column of a row; chords must be nested in one another and contain the anchor.
     fn from_chords(width_px: usize, height_px: usize, chord: impl Fn(usize) -> Option<(usize, usize)>) -> Self {
         let sides = 1..=MAX_ELEMENT_PX;
         assert!(
@@ -68,7 +69,7 @@ impl Element {
         let mut now = (0, 0);
         for &(left, right, _) in &chords {
             while now != (left, right) {
-                // A run of n px and its copy moved by n or less leave no gap.
+                // A run of n px and a copy of it shifted by n or less leave no gap.
                 let longest = (now.0 + now.1 + 1).min(63);
                 let step = ((left - now.0).min(longest), (right - now.1).min(longest));
                 now = (now.0 + step.0, now.1 + step.1);
@@ -92,8 +93,9 @@ impl Element {
         }
     }
 
-    /// Whether [`erode`](crate::pixels::morphology::Morphology::erode) by this element would set the pixel (x, y) of `mask`: whether the element, laid there, holds
-    /// only set pixels as far as it lies inside the image. False outside the image.
+    /// Whether [`erode`](crate::pixels::morphology::Morphology::erode) by this element would set the pixel (x, y) of
+    /// `mask`: whether the element, placed there, contains only set pixels as far as it lies inside the image. False
+    /// outside the image.
     pub fn fits(&self, mask: &Mask, x: isize, y: isize) -> bool {
         if !mask.get(x, y) {
             return false;
@@ -109,7 +111,8 @@ impl Element {
             let words = &mask.words()[(y - above) * per_row + word..];
             return self.chord_bits.iter().all(|&(row, bits)| {
                 let at = row * per_row;
-                // What a chord has in the next word, without the shift by 64 that there is none of; at the end of a row it has nothing there.
+                // The part of a chord in the next word, without a shift by 64; at the end of a row the chord has no
+                // pixel there.
                 let seen = words[at] >> shift | words.get(at + 1).copied().unwrap_or(0) << 1 << (63 - shift);
                 bits & !seen == 0
             });

@@ -11,8 +11,8 @@ pub struct Flatten {
 }
 
 impl Flatten {
-    /// Offset and bias in grey levels. The gain must lie in 0..8, the level of a flat picture, offset * gain + bias,
-    /// in -1000..=1000; else a panic.
+    /// Offset and bias in grey levels. The gain must lie in 0..8, the level of a flat image, offset * gain + bias, in
+    /// -1000..=1000; else a panic.
     pub fn new(offset_levels: f64, gain: f64, bias_levels: f64) -> Self {
         let level = offset_levels * gain + bias_levels;
         assert!((0.0..8.0).contains(&gain), "gain {gain}: expected 0 or more and less than 8");
@@ -33,8 +33,8 @@ impl Flatten {
         }
     }
 
-    /// With a background in whole levels, which the flat picture takes the place of; the product is kept to 1/4 level, then rounded, an
-    /// exact half upwards.
+    /// With a background in whole levels, which is overwritten by the flat image; the product is kept to 1/4 level,
+    /// then rounded, an exact half upwards.
     pub fn over_u8(&self, grey: &[u8], background: &mut [u8]) {
         assert_eq!(grey.len(), background.len(), "grey image and background differ in size");
         let gain_4096ths = (self.gain * 4096.0).round().min(32767.0) as i16;

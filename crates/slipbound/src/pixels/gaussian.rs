@@ -13,7 +13,7 @@ use crate::image::SizePx;
 /// Pixels summed side by side.
 const BLOCK: usize = 16;
 
-/// Kernels and scratch of a Gaussian smooth.
+/// Kernels and scratch memory of a Gaussian smooth.
 #[derive(Debug, Clone)]
 pub struct Gaussian {
     size: SizePx,
@@ -32,7 +32,7 @@ pub struct Gaussian {
 
 impl Gaussian {
     /// For images of `size`: a kernel of `kernel_px` (width, height; odd) cut out of a Gaussian of `sigma_px` and
-    /// brought to sum 1. An even side or a sigma that is not positive is a panic.
+    /// normalised to sum 1. Panics for an even side or a sigma that is not positive.
     pub fn new(size: SizePx, kernel_px: [usize; 2], sigma_px: f64) -> Self {
         let [taps_x, taps_y] = kernel_px.map(|side| taps(side, sigma_px));
         let width = size.width.next_multiple_of(BLOCK);

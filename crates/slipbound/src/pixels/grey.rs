@@ -1,4 +1,4 @@
-//! Camera pixels, colour or grey, perhaps mirrored -> one grey byte a pixel, rows without a gap, mirror undone.
+//! Camera pixels, colour or grey, perhaps mirrored -> one grey byte per pixel, rows without a gap, mirror undone.
 
 use crate::image::{Gray, Rgb};
 use crate::sensor::Flip;
@@ -12,7 +12,7 @@ pub struct GreyWeights {
 
 impl GreyWeights {
     /// Rounds weights of red, green and blue, each in 0..=1 and together at most 1, to 1/65536. Values outside are
-    /// brought to the nearest bound, so that a grey level never overflows.
+    /// clamped, so that a grey level never overflows.
     pub fn new(weights_rgb: [f64; 3]) -> Self {
         let mut left = 65536;
         let rgb_65536ths = weights_rgb.map(|w| {
@@ -30,12 +30,12 @@ pub fn grey_from_rgb(src: Rgb<'_>, weights: &GreyWeights, flip: Flip, out: &mut 
     grey_rows_from_rgb(src, weights, flip, 0..src.size().height, out);
 }
 
-/// The same for the camera's rows `rows` alone; `out` is the whole picture, of which the other rows stay.
+/// The same for the camera's rows `rows` only; `out` is the whole image, whose other rows are kept.
 pub fn grey_rows_from_rgb(src: Rgb<'_>, weights: &GreyWeights, flip: Flip, rows: Range<usize>, out: &mut [u8]) {
     let size = src.size();
     assert_eq!(out.len(), size.area(), "output of another size than the picture");
     let (rows_turned, columns_turned) = turned(flip);
-    let weights_65536ths = src.order().rgb(weights.rgb_65536ths); // integers: the order of a sum changes no bit
+    let weights_65536ths = src.order().rgb(weights.rgb_65536ths); // integers: the order of a sum changes nothing
     let products = Products::new(weights_65536ths);
     for y in rows {
         let to = if rows_turned { size.height - 1 - y } else { y };
@@ -47,7 +47,8 @@ pub fn grey_rows_from_rgb(src: Rgb<'_>, weights: &GreyWeights, flip: Flip, rows:
     }
 }
 
-/// Copies the camera's rows `rows` of a grey picture, the mirror undone; `out` is the whole picture, of which the other rows stay.
+/// Copies the camera's rows `rows` of a grey image, the mirror undone; `out` is the whole image, whose other rows are
+/// kept.
 pub fn grey_rows_from_gray(src: Gray<'_>, flip: Flip, rows: Range<usize>, out: &mut [u8]) {
     let size = src.size();
     assert_eq!(out.len(), size.area(), "output of another size than the picture");
@@ -72,7 +73,7 @@ fn turned(flip: Flip) -> (bool, bool) {
     }
 }
 
-/// The weights, and on x86-64 how they are laid out for vectors.
+/// The weights, and on x86-64 their layout for vectors.
 struct Products {
     weights_65536ths: [u32; 3],
     #[cfg(target_arch = "x86_64")]
@@ -89,7 +90,7 @@ impl Products {
     }
 }
 
-/// A row of pixels; `row` may be longer, and is best by four bytes. The twin of [`avx2::grey_row`], which gives the same bits.
+/// A row of pixels; `row` may be longer, best by four bytes. The twin of [`avx2::grey_row`], which gives the same bits.
 fn grey_row(row: &[u8], products: &Products, out: &mut [u8]) {
     #[cfg(target_arch = "x86_64")]
     if super::wide::vectors() >= super::wide::Vectors::Avx2 {
@@ -107,22 +108,22 @@ fn grey_pixels(row: &[u8], [r, g, b]: [u32; 3], out: &mut [u8]) {
     }
 }
 
-/// Three bytes a pixel are not what a compiler turns into vectors well: written out it takes half the time.
+/// Compilers vectorise three bytes per pixel poorly: explicit intrinsics take half the time.
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     use std::arch::x86_64::*;
 
-    /// Pixels a round, and the bytes it reads: the last eight pixels are read with four bytes to spare.
+    /// Pixels per round, and the bytes it reads: the last eight pixels are read with four bytes to spare.
     const PIXELS: usize = 32;
     const READ_BYTES: usize = 3 * PIXELS + 4;
 
     /// The largest weight of one product of signed numbers.
     const MOST: u32 = i16::MAX as u32;
 
-    /// Four products a pixel, in two pairs: which of its bytes, and the weights in 65536ths. Weights of more than [`MOST`] are shared among some; as they
-    /// are together at most 65536, four are enough.
+    /// Four products per pixel, in two pairs: which of its bytes, and the weights in 65536ths. A weight above [`MOST`]
+    /// is split over several; as they sum to at most 65536, four suffice.
     pub(super) struct Products {
-        /// Of each pair, where the bytes of four pixels are, each before a zero.
+        /// For each pair, the byte positions of four pixels, each before a zero.
         places: [[i32; 4]; 2],
         weights: [i32; 2],
     }
@@ -137,7 +138,7 @@ mod avx2 {
                     left -= product.1;
                 }
             }
-            // A place of 255 gives a zero.
+            // A position of 255 gives a zero.
             let place = |byte: u8, pixel: u8| if byte == u8::MAX { byte } else { byte + 3 * pixel };
             let pixels = |a: u8, b: u8| [0, 1, 2, 3].map(|p| i32::from_le_bytes([place(a, p), 255, place(b, p), 255]));
             let [a, b, c, d] = four;
@@ -152,7 +153,7 @@ mod avx2 {
     ///   8 pixels, 12 bytes a lane:   r g b r g b r g b r g b      --shuffle--> (r g) (r g) ..   and (b g) (b g) .. , 16 bits each
     ///                                r g . weights + b g . weights + 1/2, of which the upper half is kept
     /// ```
-    /// Returns how many pixels are done; too few are left over for a round, or too few bytes to be read.
+    /// Returns how many pixels are done; the remainder is too short for a round, or has too few bytes to read.
     #[target_feature(enable = "avx2")]
     pub(super) fn grey_row(row: &[u8], products: &Products, out: &mut [u8]) -> usize {
         let [first_places, second_places] = products.places.map(|[a, b, c, d]| twice(_mm_setr_epi32(a, b, c, d)));
@@ -278,7 +279,7 @@ mod tests {
             grey_row(&row, &products, &mut wide);
             grey_pixels(&row, weights, &mut plain);
             assert_eq!(wide, plain, "{width} pixels");
-            // As many pixels as are asked for, however long the row is.
+            // As many pixels as requested, however long the row is.
             grey_row(&row, &products, &mut wide[..32]);
             grey_row(&[255; 96], &products, &mut wide[..32]);
             assert!(wide[..32].iter().all(|&v| v >= 254), "a white row that ends with its last pixel");

@@ -1,9 +1,9 @@
-//! Sixteen numbers side by side in a vector of AVX2, for the kernels that are written out for it.
+//! Sixteen numbers in an AVX2 vector, for the kernels written with intrinsics.
 #![cfg(target_arch = "x86_64")]
 
 use std::arch::x86_64::*;
 
-/// How many.
+/// Numbers per vector.
 pub(super) const LANES: usize = 16;
 
 /// Sixteen bytes.

@@ -1,9 +1,9 @@
-//! Camera frames of one size -> their mean, as colour pixels; a grey picture -> its mean level.
+//! Camera frames of one size -> their mean, as colour pixels; a grey image -> its mean level.
 
 use super::wide::wide;
 use crate::image::{Pixels, SizePx};
 
-/// Mean of every fourth row of a grey picture, rows without a gap.
+/// Mean of every fourth row of a grey image, rows without a gap.
 pub fn mean_levels(grey: &[u8], width: usize) -> f64 {
     let rows = grey.chunks_exact(width).step_by(4);
     let count = rows.len() * width;
@@ -50,7 +50,7 @@ impl FrameMean {
         self.frames_count += 1;
     }
 
-    /// The mean as bytes red, green, blue, a half rounded upwards; black without a frame.
+    /// The mean as bytes red, green, blue, a half rounded upwards; black without any frame.
     pub fn rgb(&self) -> Vec<u8> {
         let n = self.frames_count.max(1);
         self.sums.iter().map(|s| ((s + n / 2) / n) as u8).collect()

@@ -1,27 +1,27 @@
-//! Mask -> mask grown or shrunk by an element, 64 pixels at a time.
+//! Mask -> mask dilated or eroded by an element, 64 pixels at a time.
 //!
 //! ```text
-//!   element, a pile of chords          the whole source, grown step by step from the narrowest chord
-//!     . . # . .   [ 0, 0]              to the widest; after each step it is laid onto the output, moved by
-//!     # # # # #   [-2, 2]              each row that has that chord. Rows of the widest chord are doubled
+//!   element, a stack of chords         the whole source, grown step by step from the narrowest chord
+//!     . . # . .   [ 0, 0]              to the widest; after each step it is added to the output, shifted
+//!     # # # # #   [-2, 2]              by each row that has that chord. Rows of the widest chord are doubled
 //!     # # o # #   [-2, 2]  o anchor    first: two, four, eight of them at once
 //!     # # # # #   [-2, 2]
 //!     . . # . .   [ 0, 0]
 //! ```
 //! Shapes, anchor (w/2, h/2) and border are those of cv2.getStructuringElement, cv2.dilate and cv2.erode: pixels
-//! outside the image neither grow nor shrink anything, and an even element is not mirrored between the two.
+//! outside the image have no effect, and an even element is not mirrored between the two.
 
 pub use super::element::Element;
 
 use super::wide::wide;
 use crate::image::{Mask, SizePx};
 
-/// Words beside a row for what a chord reaches outside the image.
+/// Padding words beside a row for the part of a chord outside the image.
 const MAX_PAD_WORDS: usize = 8;
-/// Up to so many neighbouring rows of one chord are laid by doubling.
+/// Maximum number of neighbouring rows of one chord that are combined by doubling.
 const MOST_DOUBLED_ROWS: usize = 64;
 
-/// The scratch of the four operations.
+/// The scratch memory of the four operations.
 #[derive(Debug, Clone)]
 pub struct Morphology {
     size: SizePx,
@@ -29,7 +29,7 @@ pub struct Morphology {
     spread: Spread,
 }
 
-/// Rows of bits with their padding: before and after a step, and what has been laid down.
+/// Rows of bits with their padding: before and after a step, and the accumulated output.
 #[derive(Debug, Clone)]
 struct Spread {
     rows: Vec<u64>,
@@ -38,20 +38,20 @@ struct Spread {
 }
 
 impl Morphology {
-    /// Scratch for masks of `size`.
+    /// Scratch memory for masks of `size`.
     pub fn new(size: SizePx) -> Self {
         let words = (size.width.div_ceil(64) + 2 * MAX_PAD_WORDS) * (size.height + MOST_DOUBLED_ROWS);
         let spread = Spread { rows: vec![0; words], rows_next: vec![0; words], laid: vec![0; words] };
         Morphology { size, between: Mask::new(size), spread }
     }
 
-    /// Sets a pixel where the element, laid on it, holds a set pixel.
+    /// Sets a pixel where the element, placed on it, contains a set pixel.
     pub fn dilate(&mut self, src: &Mask, element: &Element, out: &mut Mask) {
         self.check(src, out);
         self.spread.run(src, element, 0, out);
     }
 
-    /// Sets a pixel where the element, laid on it, holds only set pixels, as far as it lies inside the image.
+    /// Sets a pixel where the element, placed on it, contains only set pixels, as far as it lies inside the image.
     pub fn erode(&mut self, src: &Mask, element: &Element, out: &mut Mask) {
         self.check(src, out);
         self.spread.run(src, element, u64::MAX, out);
@@ -78,11 +78,11 @@ impl Morphology {
 }
 
 impl Spread {
-    /// Dilates; with `turn` all ones, what is not set spreads instead, which erodes what is.
+    /// Dilates; with `turn` all ones the clear pixels are dilated instead, which erodes the set ones.
     fn run(&mut self, src: &Mask, element: &Element, turn: u64, out: &mut Mask) {
         let (pad, words, height) = (element.pad_words, src.row(0).len(), src.size().height);
         let (stride, last_word) = (words + 2 * pad, src.last_word());
-        // Only rows that hold something spread.
+        // Only rows with spreading pixels matter.
         let holds = |y: &usize| {
             let row = src.row(*y).iter().enumerate();
             row.fold(0, |any, (i, &bits)| any | spreading(bits, turn, i, words, last_word)) != 0
@@ -118,14 +118,14 @@ impl Spread {
     }
 }
 
-/// What spreads of word `i` of a row: nothing beyond the width of the image.
+/// The spreading bits of word `i` of a row: none beyond the width of the image.
 fn spreading(bits: u64, turn: u64, i: usize, words: usize, last_word: u64) -> u64 {
     (bits ^ turn) & if i + 1 == words { last_word } else { u64::MAX }
 }
 
-/// Lays the first `count` words of `rows`, of which the first is row `first` of the image, onto `laid`, moved up by each of
-/// `offsets`. Neighbouring offsets, as those of a rectangle, are laid as one: the rows joined with themselves moved down by 1, 2, 4 ..;
-/// what is in `rows` and `scratch` is gone then.
+/// Adds the first `count` words of `rows`, whose first row is row `first` of the image, to `laid`, moved up by each of
+/// `offsets`. Neighbouring offsets, as those of a rectangle, are combined: the rows are joined with copies of
+/// themselves moved down by 1, 2, 4 ..; `rows` and `scratch` are overwritten.
 fn lay(
     offsets: &[isize],
     rows: &mut [u64],
@@ -158,7 +158,7 @@ fn lay(
     join_moved(rows, first as isize - offsets[offsets.len() - 1], stride, laid);
 }
 
-/// Joins rows to `laid` from row `at` on, which may lie outside it, as may their end.
+/// Joins rows to `laid` from row `at` on; start and end may lie outside it.
 fn join_moved(rows: &[u64], at: isize, stride: usize, laid: &mut [u64]) {
     let skipped = (-at).max(0) as usize * stride;
     let from = at.max(0) as usize * stride;
@@ -168,7 +168,8 @@ fn join_moved(rows: &[u64], at: isize, stride: usize, laid: &mut [u64]) {
     }
 }
 wide! {
-    /// Rows of words -> the same with `pad` empty words on each side; what is set in `turn` is turned, nothing beyond the width.
+    /// Rows of words -> the same with `pad` empty words on each side; bits of `turn` are inverted, none beyond the
+    /// width.
     fn add_pads(rows: &[u64], words: usize, pad: usize, turn: u64, last_word: u64, out: &mut [u64]) {
         for (to, from) in out.chunks_exact_mut(words + 2 * pad).zip(rows.chunks_exact(words)) {
             let (before, to) = to.split_at_mut(pad);
@@ -176,7 +177,7 @@ wide! {
             to.iter_mut().zip(from).for_each(|(to, bits)| *to = bits ^ turn);
             to[words - 1] &= last_word;
             match (before, after) {
-                // Mostly; two calls a row take longer than the row.
+                // The usual case; two calls per row would take longer than the row.
                 ([before], [after]) => (*before, *after) = (0, 0),
                 (before, after) => {
                     before.fill(0);
@@ -186,7 +187,7 @@ wide! {
         }
     }
 
-    /// The way back.
+    /// The inverse of `add_pads`.
     fn drop_pads(padded: &[u64], words: usize, pad: usize, turn: u64, last_word: u64, out: &mut [u64]) {
         for (to, from) in out.chunks_exact_mut(words).zip(padded.chunks_exact(words + 2 * pad)) {
             to.iter_mut().zip(&from[pad..]).for_each(|(to, bits)| *to = bits ^ turn);
@@ -194,9 +195,10 @@ wide! {
         }
     }
 
-    /// Pixel x of `out` is set where x - left, x or x + right of `rows` is, through all rows with their padding. Moves of 0 to 63 px.
+    /// Pixel x of `out` is set where x - left, x or x + right of `rows` is, over all rows with their padding. Shifts of
+    /// 0 to 63 px.
     fn widen(rows: &[u64], out: &mut [u64], left: u32, right: u32) {
-        // Two shifts, since a shift by 64 is none.
+        // Two shifts, because a shift by 64 is not defined.
         let mixed = |before: u64, here: u64, after: u64| {
             here | here >> right | (after << 1) << (63 - right) | here << left | (before >> 1) >> (63 - left)
         };
@@ -228,7 +230,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The element as a picture.
+    /// The element as a mask.
     fn picture(element: &Element) -> Mask {
         // Dilating one pixel draws the element mirrored in its anchor.
         let SizePx { width, height } = element.size();

@@ -1,10 +1,10 @@
-//! What dots look like: the mean of small windows about many places, and the colours of a dot and of what is round it.
+//! The appearance of dots: the mean of small windows about many places, and the colours of a dot and its surroundings.
 
 use crate::image::{Mask, Rgb, SizePx};
 use crate::plane::Vec2;
 
-/// The mean window about the places, `2 half + 1` pixels wide and high, sampled bilinearly, rows without a gap.
-/// Places whose window leaves the image are passed over; None when none is left.
+/// The mean window about the places, `2 half + 1` pixels wide and high, sampled bilinearly, rows without a gap. Places
+/// whose window leaves the image are skipped; None when none is left.
 pub fn mean_window(grey: &[u8], size: SizePx, places: impl Iterator<Item = Vec2>, half: usize) -> Option<Vec<f32>> {
     let side = 2 * half + 1;
     let (mut sums, mut count) = (vec![0.0f32; side * side], 0);
@@ -29,7 +29,7 @@ pub fn mean_window(grey: &[u8], size: SizePx, places: impl Iterator<Item = Vec2>
     (count > 0).then(|| sums.iter().map(|s| s / count as f32).collect())
 }
 
-/// Red, green and blue of a dot and of the ring round it.
+/// Red, green and blue of a dot and of the ring around it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DotColours {
     /// Mean of the dot.

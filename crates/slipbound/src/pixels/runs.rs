@@ -1,4 +1,4 @@
-//! Runs of set pixels in the rows of a mask, and which of them hang together.
+//! Runs of set pixels in the rows of a mask, and which of them are connected.
 //!
 //! ```text
 //!   ..###..##     runs of row y        two runs of neighbouring rows that touch belong together:
@@ -37,14 +37,14 @@ impl Run {
         }
     }
 
-    /// How many of its pixels are set in a mask.
+    /// Number of its pixels that are set in a mask.
     pub(super) fn count(&self, mask: &Mask) -> u32 {
         let row = mask.row(self.row as usize);
         self.words().map(|(word, bits)| (row[word] & bits).count_ones()).sum()
     }
 }
 
-/// Whether runs belong together that meet only at a corner.
+/// Whether runs that meet only at a corner are connected.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Corners {
     Join,
@@ -56,7 +56,7 @@ pub(super) enum Corners {
 pub(super) struct Runs {
     size: SizePx,
     pub(super) all: Vec<Run>,
-    /// Per run a run of the same piece, not later; the earliest points to itself.
+    /// Per run a run of the same component, not later; the earliest points to itself.
     pub(super) earlier: Vec<u32>,
 }
 
@@ -78,7 +78,7 @@ impl Runs {
         assert_eq!(mask.size(), self.size, "mask of another size");
         self.all.clear();
         self.earlier.clear();
-        // Of the row above, the first run not yet passed and the end.
+        // For the row above: the first run not yet passed and the end.
         let (mut above, mut above_end) = (0, 0);
         let reach = if corners == Corners::Join { 1 } else { 0 };
         for y in 0..self.size.height {
@@ -99,7 +99,7 @@ impl Runs {
             (above, above_end) = (start, self.all.len());
         }
         for i in 0..self.earlier.len() {
-            // What is earlier points to its root already.
+            // Earlier runs already point to their root.
             self.earlier[i] = self.earlier[self.earlier[i] as usize];
         }
     }

@@ -1,4 +1,5 @@
-//! The look of one dot and of the skin around it, and where it is now: grey window + learned patterns -> shift and strengths.
+//! Tracks one dot by its appearance and that of the skin around it: grey window + learned patterns -> shift and
+//! strengths.
 //!
 //! ```text
 //!   window of the frame   =   level + slope   +   a * dot   +   b * weave around it       dot, weave: as at rest
@@ -6,11 +7,11 @@
 //!                                                 ( # )         # . # .                  all four move together:
 //!                                                  '-'           # # #                   they are of one skin
 //! ```
-//! A gap of a pressed weave may be as dark and as wide as a dot. Dot and weave together are like no other place nearby.
+//! A gap of a pressed weave may be as dark and as wide as a dot. Dot and weave together are unique in their vicinity.
 //!
-//! The shift is the least-squares solution for a, b and both shifts at once (Gauss-Newton), on sums of products with vectors
-//! tabulated at rest. These vectors are blind to a level and to a slope of light. Windows and vectors are whole numbers: sums are
-//! the same in any order.
+//! The shift is the least-squares solution for a, b and both shifts at once (Gauss-Newton), on sums of products with
+//! vectors tabulated at rest. These vectors are orthogonal to a constant and to a slope of light. Windows and vectors
+//! are integers: sums are the same in any order.
 
 mod sums;
 
@@ -18,25 +19,25 @@ use crate::image::SizePx;
 use crate::plane::{Vec2, nearest_px};
 use sums::{LANES, WEIGHED_LANES, bilinear, energy, products};
 
-/// Places are sampled at so many steps a pixel; the fit makes up for the rest.
+/// Sampling steps per pixel; the fit compensates the remainder.
 const STEPS_PER_PX: f64 = 16.0;
 /// Sampled values per grey level.
 const STEPS_PER_LEVEL: f64 = 16.0;
-/// The largest tabulated weight, a byte: the weights of all markers, about a megabyte, are read in every frame, and with two bytes each the
-/// markers of a fabric skin took an eighth longer.
+/// The largest tabulated weight, a byte: the weights of all markers, about a megabyte, are read in every frame; with
+/// two bytes each the markers of a fabric skin took an eighth longer.
 const FULL_WEIGHT: f64 = 127.0;
 /// Dot, weave, and the slopes of both along x and y.
 const PATTERNS: usize = 6;
 
-/// The grid on which windows are sampled, and the scratch for one of them.
+/// The grid on which windows are sampled, and the scratch memory for one of them.
 #[derive(Debug, Clone)]
 pub struct Window {
     side: usize,
-    /// Share of each pixel, falling to zero towards the rim of the window.
+    /// Weight of each pixel, falling to zero towards the rim of the window.
     share: Vec<f64>,
-    /// Orthonormal under the share: level and slopes.
+    /// Orthonormal under these weights: level and slopes.
     plane: [Vec<f64>; 3],
-    /// The part of the window beyond which every share is zero: all that is sampled and weighed.
+    /// The part of the window outside which all weights are zero: only this part is sampled.
     part: Part,
     plane_weights: Vec<[[i8; LANES]; 3]>,
     plane_scale: f64,
@@ -54,10 +55,10 @@ struct Part {
 }
 
 impl Part {
-    /// Where `share` is not zero in a square of `side`, at least as wide as there are lanes.
+    /// The part of a square of `side` where `share` is not zero, at least as wide as the lanes.
     fn of(share: &[f64], side: usize) -> Self {
         let is_empty = |row: usize| share[row * side..][..side].iter().all(|s| *s == 0.0);
-        // The share is the same on all four sides.
+        // The weights are the same on all four sides.
         let rim = (0..side / 2).take_while(|row| is_empty(*row)).count();
         let seen = side - 2 * rim;
         let width = seen.max(LANES);
@@ -69,8 +70,8 @@ impl Part {
         vec![0; (self.width * self.height).next_multiple_of(WEIGHED_LANES)]
     }
 
-    /// What of a whole window of `side` lies in it, in whole numbers. What one is rounded by the next makes up for, so that what is blind to a
-    /// level stays so.
+    /// The values of a whole window of `side` inside this part, as integers. The rounding error of each is carried to
+    /// the next, so that a vector orthogonal to a constant stays so.
     fn cut(self, window: impl Iterator<Item = f64>, scale: f64, side: usize) -> Vec<i16> {
         let (columns, rows) = (self.left..self.left + self.width, self.top..self.top + self.height);
         let inside = |(i, _): &(usize, f64)| columns.contains(&(i % side)) && rows.contains(&(i / side));
@@ -84,27 +85,27 @@ impl Part {
     }
 }
 
-/// What of one dot is known from rest.
+/// What is learned of one dot at rest.
 #[derive(Debug, Clone)]
 pub struct Template {
-    /// The patterns, free of level and slope and with the share of each pixel.
+    /// The patterns, without level and slope and multiplied by the weight of each pixel.
     weights: Vec<[[i8; LANES]; PATTERNS]>,
-    /// Levels per sum of products.
+    /// Levels per unit of a sum of products.
     levels: [f64; PATTERNS],
     /// Products of the patterns with one another.
     gram: [[f64; PATTERNS]; PATTERNS],
-    /// What each pattern sees of a stretch of dot and of weave: x and y times their slopes along x, then along y.
+    /// Response of each pattern to a stretch of dot and of weave: x and y times their slopes along x, then along y.
     stretched: [[[f64; 4]; 2]; PATTERNS],
 }
 
-/// Where a template is sought, and what is known of the skin there.
+/// Where the search for a template starts, and the known state of the skin there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Start {
     /// Place, px.
     pub place: Vec2,
-    /// Strength of the weave before, 1 at rest.
+    /// Previous strength of the weave, 1 at rest.
     pub weave: f64,
-    /// Displacement of the skin per length along x and along y.
+    /// Displacement gradient of the skin along x and along y.
     pub stretch: [Vec2; 2],
 }
 
@@ -158,7 +159,7 @@ impl Window {
         inside(place.x, size.width) && inside(place.y, size.height)
     }
 
-    /// Sum of squares of the sampled window that neither level nor slope explains, levels squared.
+    /// Sum of squares of the sampled window not explained by level or slope, levels squared.
     fn energy(&self) -> f64 {
         let mut sum = energy(&self.samples, &self.share_weights) as f64 / STEPS_PER_LEVEL / STEPS_PER_LEVEL;
         for part in products(&self.samples, &self.plane_weights) {
@@ -168,7 +169,7 @@ impl Window {
         sum.max(1e-9)
     }
 
-    /// Takes level and slope out of a pattern.
+    /// Removes level and slope from a pattern.
     fn level(&self, pattern: &mut [f64]) {
         for plane in &self.plane {
             let part: f64 = pattern.iter().zip(plane).zip(&self.share).map(|((v, p), s)| v * p * s).sum();
@@ -176,8 +177,8 @@ impl Window {
         }
     }
 
-    /// Learns the dot at `place`: `dark(r)` is how dark a dot is at r px from its middle, between 0 and 1. None where the window
-    /// leaves the image.
+    /// Learns the dot at `place`: `dark(r)` is the darkness of a dot at r px from its middle, between 0 and 1. None
+    /// where the window leaves the image.
     pub fn learn(&self, grey: &[u8], size: SizePx, place: Vec2, dark: impl Fn(f64) -> f64) -> Option<Template> {
         if !self.holds(size, place) {
             return None;
@@ -209,7 +210,7 @@ impl Window {
             let middle = |i: usize| (i / side + 1) * wide + i % side + 1;
             (0..side * side).map(|i| (v[middle(i) + step] - v[middle(i) - step]) / 2.0).collect()
         };
-        // How deep this dot is: what of the window is like the disc.
+        // Depth of this dot: the projection of the window onto the disc.
         let (mut flat_disc, mut flat_seen) = (inner(&disc), inner(&seen));
         self.level(&mut flat_disc);
         self.level(&mut flat_seen);
@@ -241,7 +242,8 @@ impl Window {
         Some(Template { weights, levels: scale.map(|s| 1.0 / (s * STEPS_PER_LEVEL)), gram, stretched })
     }
 
-    /// The best fit of a template near `from`, within `reach_px` of it; None at the border or when it leaves that reach.
+    /// The best fit of a template near `from`, within `reach_px` of it; None at the border or when it leaves that
+    /// reach.
     pub fn find(&mut self, template: &Template, grey: &[u8], size: SizePx, from: Start, reach_px: f64) -> Option<Fit> {
         let Start { place: start, weave, stretch } = from;
         let g = &template.gram;
@@ -254,16 +256,16 @@ impl Window {
             let at = sample(self.side, self.part, grey, size, place, &mut self.samples);
             let weighed = products(&self.samples, &template.weights);
             let b: [f64; PATTERNS] = std::array::from_fn(|k| weighed[k] as f64 * template.levels[k]);
-            // Seen through the stretch, what lies at q was at q - stretch q.
+            // With the stretch, a point at q was at q - stretch q.
             let stretch = [stretch[0].x, stretch[1].x, stretch[0].y, stretch[1].y];
             let b: [f64; PATTERNS] = std::array::from_fn(|k| {
                 let [of_dot, of_weave] = &template.stretched[k];
                 let seen = of_dot.iter().zip(of_weave).zip(&stretch);
                 b[k] + seen.map(|((d, w), e)| (dot * d + weave * w) * e).sum::<f64>()
             });
-            // The weave is held to what it was where it hardly shows.
+            // The strength of a weave that is hardly visible is held at its previous value.
             let hold = HOLD_LEVELS * HOLD_LEVELS * self.plane[0][0].powi(-2);
-            // Of dot, weave, and minus the slopes of their sum along x and along y.
+            // Derivatives with respect to dot, weave, and the shifts along x and along y.
             let slope = |k: usize, j: usize| -(dot * g[2 * k][j] + weave * g[2 * k + 1][j]);
             let both = |k: usize, l: usize| -(dot * slope(k, 2 * l) + weave * slope(k, 2 * l + 1));
             let shift = |k: usize| -(dot * b[2 * k] + weave * b[2 * k + 1]);
@@ -292,7 +294,8 @@ impl Window {
     }
 }
 
-/// Samples a part of the window about a place; where the window's middle is then, at most a 32nd of a pixel away on each axis.
+/// Samples a part of the window about a place; returns the middle of the sampled window, at most a 32nd of a pixel away
+/// on each axis.
 fn sample(side: usize, part: Part, grey: &[u8], size: SizePx, place: Vec2, out: &mut [i16]) -> Vec2 {
     let reach = (side as f64 - 1.0) / 2.0;
     let steps = |v: f64| nearest_px((v - reach) * STEPS_PER_PX) as usize;
@@ -304,14 +307,14 @@ fn sample(side: usize, part: Part, grey: &[u8], size: SizePx, place: Vec2, out: 
     Vec2::new(x as f64 / STEPS_PER_PX + reach, y as f64 / STEPS_PER_PX + reach)
 }
 
-/// Where the weave at rest is weaker than this it is held to its strength before, levels.
+/// A weave weaker than this at rest is held at its previous strength, levels.
 const HOLD_LEVELS: f64 = 3.0;
-/// Passes at most, the longest step of one, and the step that is short enough for the fit to be straight, px.
+/// Maximum number of passes, the longest step of one, and the step below which the fit is linear, px.
 const PASSES: u32 = 6;
 const LONGEST_PX: f64 = 1.5;
 const DONE_PX: f64 = 0.15;
 
-/// Gauss elimination; the matrix is symmetric and positive. None where it is singular.
+/// Gaussian elimination; the matrix is symmetric and positive. None where it is singular.
 fn solve(m: &mut [[f64; 5]; 4]) -> Option<[f64; 4]> {
     let mut inverse = [0.0; 4];
     for k in 0..4 {
@@ -333,7 +336,7 @@ fn solve(m: &mut [[f64; 5]; 4]) -> Option<[f64; 4]> {
     Some(x)
 }
 
-/// Lists of weights, lane by lane.
+/// Lists of weights, interleaved by lanes.
 fn side_by_side<const LISTS: usize>(lists: [Vec<i16>; LISTS]) -> Vec<[[i8; LANES]; LISTS]> {
     let lists = lists.each_ref().map(|list| list.as_chunks::<LANES>().0);
     (0..lists[0].len())
@@ -341,8 +344,8 @@ fn side_by_side<const LISTS: usize>(lists: [Vec<i16>; LISTS]) -> Vec<[[i8; LANES
         .collect()
 }
 
-/// How dark the dots at `places` are, by distance from their middle in steps of `step_px`: the mean over all of them, 1 in the middle
-/// and 0 from `end_px` on. What is beside them, a weave or a slope of light, is not the same at all and cancels.
+/// Darkness of the dots at `places`, by distance from their middle in steps of `step_px`: the mean over all of them, 1
+/// in the middle and 0 from `end_px` on. Their surroundings, a weave or a slope of light, differ and cancel.
 pub fn darkness(grey: &[u8], size: SizePx, places: impl Iterator<Item = Vec2>, step_px: f64, end_px: f64) -> Vec<f64> {
     let count = (end_px / step_px).ceil() as usize + 1;
     let (mut sums, mut counts) = (vec![0.0; count], vec![0.0; count]);
@@ -375,7 +378,7 @@ pub fn darkness(grey: &[u8], size: SizePx, places: impl Iterator<Item = Vec2>, s
 mod tests {
     use super::*;
 
-    /// Whole weights, but no sum of what is lost by rounding.
+    /// Integer weights, but no accumulated rounding error.
     #[test]
     fn a_level_of_light_weighs_nothing() {
         let window = Window::new(9.3);
@@ -389,7 +392,7 @@ mod tests {
         }
     }
 
-    /// Whatever the size of the window, what is cut away has no weight.
+    /// For every window size, the part cut away has no weight.
     #[test]
     fn the_part_that_is_weighed_holds_every_share() {
         for tenths in 20..400 {

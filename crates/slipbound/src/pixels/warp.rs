@@ -1,4 +1,4 @@
-//! One channel, one byte a pixel -> the same channel seen through a fixed map (rectification, flips, crop).
+//! One channel, one byte per pixel -> the same channel resampled through a fixed map (rectification, flips, crop).
 //!
 //! ```text
 //!   out (x, y) = src at map(x, y)        l --fx-- r      fx, fy in 0..=128 (128ths of a px);
@@ -10,32 +10,33 @@ use super::wide::wide;
 use crate::image::{Mask, SizePx};
 use crate::plane::Vec2;
 
-/// Fractions of a pixel the table resolves: a sample is taken at most 1/256 px from where the map points.
+/// Fractions of a pixel the table resolves: a sample is taken at most 1/256 px from the mapped position.
 const FRACTIONS: u16 = 128;
-/// Stands in `fraction_y` for a pixel whose source lies outside.
+/// Value of `fraction_y` for a pixel whose source lies outside.
 const OUTSIDE: u8 = 255;
-/// Pixels that are mixed at once.
+/// Number of pixels that are interpolated at once.
 const BATCH: usize = 32;
 
-/// A map from output pixels to source pixels, precomputed: 2 to 4 bytes an output pixel, 6 of a map that scatters neighbours.
+/// A map from output pixels to source pixels, precomputed: 2 to 4 bytes per output pixel, 6 for a map that scatters
+/// neighbours.
 #[derive(Debug, Clone)]
 pub struct WarpTable {
     out_size: SizePx,
     src_size: SizePx,
     batches: Vec<Batch>,
-    /// Of every batch in turn whose pixels do not stand side by side: of each pixel, how far behind the batch's first.
+    /// For each batch that is not contiguous in the source, in order: the offset of each pixel from the batch's first.
     offsets: Offsets,
     fraction_x: Vec<u8>,
     fraction_y: Vec<u8>,
     valid: Mask,
 }
 
-/// Where some output pixels come from.
+/// Source of a batch of output pixels.
 #[derive(Debug, Clone, Copy)]
 struct Batch {
-    /// Of the indices of the upper left of the four source pixels, the least.
+    /// The smallest index of the upper left source pixels.
     first: u32,
-    /// Whether the pixels stand side by side in the source, too.
+    /// Whether the pixels are contiguous in the source, too.
     side_by_side: bool,
 }
 
@@ -43,19 +44,19 @@ struct Batch {
 #[derive(Debug, Clone)]
 enum Offsets {
     Near(Vec<u16>),
-    /// Of a map some of whose neighbours come from far apart.
+    /// For a map that scatters some neighbours far apart.
     Far(Vec<u32>),
 }
 
 impl WarpTable {
-    /// Tabulates `map`, which gives for an output pixel the place in the source, both in px with pixel centres at
-    /// whole numbers. The source needs at least 2 x 2 pixels and fewer than 2^32, else a panic.
+    /// Tabulates `map`, which gives the place in the source for an output pixel, both in px with pixel centres at whole
+    /// numbers. The source needs at least 2 x 2 pixels and fewer than 2^32, else a panic.
     pub fn new(out_size: SizePx, src_size: SizePx, map: impl Fn(Vec2) -> Vec2) -> Self {
         Self::tabulate(out_size, src_size, |p| (map(p), true))
     }
 
-    /// The same, but beyond the border the source's own outermost pixels go on: black would be an edge. Those output pixels are
-    /// not [`valid`](Self::valid) either.
+    /// The same, but beyond the border the source's outermost pixels are repeated, because black would make an edge.
+    /// Those output pixels are not [`valid`](Self::valid) either.
     pub fn held_at_border(out_size: SizePx, src_size: SizePx, map: impl Fn(Vec2) -> Vec2) -> Self {
         let last = Vec2::new((src_size.width - 1) as f64, (src_size.height - 1) as f64);
         let is_inside = |v: f64, size: usize| whole_and_fraction(v, size).is_some();
@@ -67,7 +68,7 @@ impl WarpTable {
         })
     }
 
-    /// `map` gives whether a place is valid, too.
+    /// `map` also gives whether a place is valid.
     fn tabulate(out_size: SizePx, src_size: SizePx, map: impl Fn(Vec2) -> (Vec2, bool)) -> Self {
         assert!(src_size.width >= 2 && src_size.height >= 2, "source of {src_size}: expected 2x2 or more");
         assert!(src_size.area() <= u32::MAX as usize, "source of {src_size}: too many pixels for the table");
@@ -89,7 +90,7 @@ impl WarpTable {
                 valid.set(x, y, is_valid);
             }
         }
-        // A pixel from outside may be fetched from anywhere inside: beside its neighbours, where they have room.
+        // A pixel from outside may be read from anywhere inside: next to its neighbours, if they have room.
         let fits = |first: u32| first as usize + src_size.width + BATCH < src_size.area();
         let side_by_side = |from: &[u32], fy: &[u8]| {
             let known = from.iter().zip(fy).zip(0..).filter(|((_, fy), _)| **fy != OUTSIDE);
@@ -190,7 +191,7 @@ wide! {
         }
     }
 
-    /// The same for pixels that stand side by side; of the rows, one more than of pixels.
+    /// The same for contiguous pixels; the rows have one value more than there are pixels.
     fn mix_side_by_side(upper: &[u8], lower: &[u8], fraction_x: &[u8], fraction_y: &[u8], out: &mut [u8]) {
         let n = out.len();
         let (upper_left, upper_right) = (&upper[..n], &upper[1..][..n]);
@@ -204,7 +205,7 @@ wide! {
     }
 }
 
-/// Bilinear mean in integers, to 2/128 of a level before it is rounded; exact where a fraction is 0 or 128.
+/// Bilinear mean in integers, to 2/128 of a level before rounding; exact where a fraction is 0 or 128.
 #[inline(always)]
 fn mixed(upper_left: u16, upper_right: u16, lower_left: u16, lower_right: u16, fx: u8, fy: u8) -> u8 {
     // The high half of a product of 16-bit numbers, which is one instruction for 8 or more of them.
@@ -274,7 +275,7 @@ mod tests {
         ]);
         let back = forward.inverse().expect("regular");
         let map = |p: Vec2| back.apply(p + Vec2::new(50.0, 0.0));
-        // A smooth picture, so that 1/256 px is well below a level.
+        // A smooth image, so that 1/256 px is well below a level.
         let level = |x: f64, y: f64| 127.0 + 60.0 * (x / 9.0).sin() + 60.0 * (y / 7.0).cos();
         let src: Vec<u8> =
             (0..src_size.area()).map(|i| level((i % 427) as f64, (i / 427) as f64).round() as u8).collect();
@@ -340,7 +341,7 @@ mod tests {
         table.offsets = Offsets::Far(apart);
         table.apply(&src, &mut one_by_one);
         assert_eq!(by_batches, one_by_one);
-        // Batches that were put side by side may have pixels from outside, which are black.
+        // Contiguous batches may contain pixels from outside, which are black.
         for (i, level) in by_batches.iter().enumerate() {
             assert!(table.valid.get((i % 640) as isize, (i / 640) as isize) || *level == 0, "pixel {i}");
         }

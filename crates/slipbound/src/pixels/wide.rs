@@ -1,21 +1,22 @@
-//! The same kernel three times: for any CPU of the architecture, and for those with wide vectors, chosen while the program runs.
+//! Compiles a kernel three times: for any CPU of the architecture, and for two wider vector widths, selected at run
+//! time.
 //!
 //! ```text
 //!   wide! { fn kernel(..) { body } }   --->   fn kernel(..)   AVX-512 here?  the body, compiled for it
 //!                                                             AVX2 here?     the body, compiled for it
 //!                                                             else           the body, compiled for the baseline
 //! ```
-//! All are one body in Rust, in integers or in floats whose order it fixes (nothing is contracted or reordered), so they give the same
-//! bits; [`with_vectors`] lets tests see that. On other architectures than x86-64 there is the one body only. The simulator
-//! draws its pictures by such kernels, too.
+//! All have one body in Rust, in integers or in floats in a fixed order (nothing is contracted or reordered), so they
+//! give the same bits; [`with_vectors`] lets tests check that. On architectures other than x86-64 there is only one
+//! version. The simulator renders its images with such kernels, too.
 
 use std::cell::Cell;
 
-/// How wide the vectors of a kernel are, the widest last.
+/// Vector width of a kernel, the widest last.
 #[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Vectors {
-    /// Those of every CPU of the architecture.
+    /// Available on every CPU of the architecture.
     Baseline,
     /// AVX2.
     Avx2,
@@ -49,7 +50,8 @@ fn of_this_machine() -> Vectors {
     Vectors::Baseline
 }
 
-/// Runs `work` with kernels whose vectors are at most so wide, on this thread: for tests and benches that compare them.
+/// Runs `work` with kernels whose vectors are at most this wide, on this thread: for tests and benches that compare
+/// them.
 #[doc(hidden)]
 pub fn with_vectors<T>(widest: Vectors, work: impl FnOnce() -> T) -> T {
     let before = WIDEST.replace(widest.min(of_this_machine()));
@@ -58,8 +60,8 @@ pub fn with_vectors<T>(widest: Vectors, work: impl FnOnce() -> T) -> T {
     result
 }
 
-/// Declares kernels that are compiled for each width of vectors, see [`crate::pixels::wide`]. What they call must be `#[inline(always)]` or small, or it
-/// is compiled for the baseline.
+/// Declares kernels that are compiled for each vector width, see [`crate::pixels::wide`]. Functions they call must be
+/// `#[inline(always)]` or small, or they are compiled for the baseline.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! wide {

@@ -1,7 +1,7 @@
 //! Pixels as many cameras deliver them, two to four bytes Y U Y V, as red, green and blue.
 //!
-//! ITU-R BT.601, limited range: Y of 16 is black, of 235 white; colour counts from 128. Whole numbers of 2^-20, rounded once:
-//! the same bytes everywhere, and those of OpenCV's `COLOR_YUV2RGB_YUYV`.
+//! ITU-R BT.601, limited range: Y of 16 is black, of 235 white; colour is relative to 128. Integers of 2^-20, rounded
+//! once: the same bytes everywhere, and those of OpenCV's `COLOR_YUV2RGB_YUYV`.
 
 use crate::image::{ImageError, SizePx};
 
@@ -14,9 +14,9 @@ const U_BLUE: i32 = 2_116_026;
 const SHIFT: u32 = 20;
 const HALF: i32 = 1 << (SHIFT - 1);
 
-/// Converts a picture whose rows begin `stride_bytes` apart into `rgb`, three bytes a pixel, rows without gaps. An odd last
-/// column takes the colour of its own pair, of which the camera sends both. Fails when a buffer is too short, or when there
-/// is nothing to convert.
+/// Converts an image whose rows begin `stride_bytes` apart into `rgb`, three bytes per pixel, rows without gaps. An odd
+/// last column uses the colour of its own pair, of which the camera sends both. Fails when a buffer is too short, or
+/// when the image is empty.
 pub fn to_rgb(yuyv: &[u8], size: SizePx, stride_bytes: usize, rgb: &mut [u8]) -> Result<(), ImageError> {
     if size.area() == 0 {
         return Err(ImageError::Empty);
@@ -73,7 +73,7 @@ mod tests {
         }
     }
 
-    /// By the real numbers of the standard, rounded: never a level off.
+    /// Never a level off from the standard's real-number formula, rounded.
     #[test]
     fn every_colour_is_within_a_level_of_the_exact_one() {
         for y in (0..=255).step_by(5) {

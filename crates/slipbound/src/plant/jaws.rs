@@ -1,6 +1,6 @@
-//! How the jaws of a parallel gripper move and press: finite speed, a delay before a command takes effect, force
-//! that follows its target with a first-order lag, in steps of what the gripper can resolve. Told the time; used by
-//! the simulator and by every emulator, so that both press alike.
+//! How the jaws of a parallel gripper move and press: finite speed, a delay before a command takes effect, force that
+//! follows its target with a first-order lag, in steps of the gripper's resolution. The time is an argument; the
+//! simulator and every emulator use this model, so that both press alike.
 //!
 //! ```text
 //!   opening  ____                            force            ______ target
@@ -11,8 +11,7 @@
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
-/// Parameters of a gripper's jaws. The default is a WSG-50 from the literature; nothing of it was measured on a device
-/// of ours.
+/// Parameters of a gripper's jaws. The default is a WSG-50 from the literature, not from our own measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JawSettings {
@@ -26,9 +25,9 @@ pub struct JawSettings {
     pub lag_s: f64,
     /// Step in which force can be set, N per finger.
     pub resolution_n: f64,
-    /// Least force while holding, N per finger.
+    /// Minimum force while holding, N per finger.
     pub least_n: f64,
-    /// Largest force, N per finger.
+    /// Maximum force, N per finger.
     pub most_n: f64,
 }
 
@@ -124,7 +123,7 @@ impl JawDrive {
             _ => return,
         };
         let due_ns = self.now_ns + s.delay_ns;
-        // A full row drops the oldest: it would have been overtaken anyway.
+        // A full queue drops its oldest command: it would have been overtaken anyway.
         if self.waiting.iter().all(Option::is_some) {
             self.waiting.rotate_left(1);
             self.waiting[7] = None;
@@ -155,7 +154,7 @@ impl JawDrive {
                 let before_mm = self.opening_mm;
                 self.opening_mm = if self.touches { stop_mm } else { (before_mm - reach_mm).max(stop_mm) };
                 self.touches = width_mm.is_some() && self.opening_mm <= stop_mm;
-                // Only the time since the jaws touched builds up force.
+                // Force builds up only since the jaws touched.
                 let pressed_s = if before_mm > stop_mm {
                     seconds - (before_mm - stop_mm) / self.settings.speed_mm_per_s
                 } else {

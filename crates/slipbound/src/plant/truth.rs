@@ -14,9 +14,9 @@ pub struct PlantTruth {
     pub torque_limit_n_mm: Option<f64>,
     /// Tangential load on the fingers, N, both together.
     pub load_n: Option<f64>,
-    /// Least normal force per finger that carries the load, N.
+    /// Minimum normal force per finger that carries the load, N.
     pub required_n: Option<f64>,
-    /// m = 1 - f: share of the load at gross slip that is still to come; below 0 after gross slip.
+    /// m = 1 - f: share of the load at gross slip that remains; below 0 after gross slip.
     pub margin: Option<f64>,
     /// phi: share of the contact area that sticks, 0 to 1.
     pub stick_ratio: Option<f64>,

@@ -1,11 +1,11 @@
-//! A wrist as its port requires: no motion goes further or longer than its command allows.
+//! A wrist that meets the contract of its port: no motion goes further or lasts longer than its command allows.
 
 use crate::port::{FASTEST_TURN_RAD_PER_S, LONGEST_TIME_TO_LIVE_NS, WristCommand, WristMotion, WristState};
 
-/// Fastest lowering or lifting a command may ask for, mm/s.
+/// Maximum rate of lowering or lifting that a command may request, mm/s.
 const FASTEST_MM_PER_S: f64 = 100.0;
 
-/// The state of a wrist. It starts and stops at once: acceleration is not modelled.
+/// The state of a wrist. It starts and stops instantly: acceleration is not modelled.
 #[derive(Debug, Clone)]
 pub struct WristDrive {
     now_ns: u64,
@@ -14,7 +14,7 @@ pub struct WristDrive {
     running: Option<Running>,
 }
 
-/// A motion under way, along one of the two ways a wrist moves.
+/// A motion in progress, along one of the two axes of a wrist.
 #[derive(Debug, Clone, Copy)]
 struct Running {
     turns: bool,
@@ -108,7 +108,7 @@ mod tests {
         wrist.command(turn(0.5, 0.02));
         wrist.advance_to(199 * MS);
         assert!((wrist.state().angle_rad - 0.02).abs() < 1e-12);
-        // What a task may ask for, a wrist can do.
+        // The wrist must support every rate that a task may request.
         assert!(wrist.command(turn(-FASTEST_TURN_RAD_PER_S, 0.0)));
         let too_fast = 1.01 * FASTEST_TURN_RAD_PER_S;
         for (rate, most) in [(f64::NAN, 1.0), (0.1, f64::INFINITY), (too_fast, 1.0), (0.1, -1.0)] {

@@ -84,7 +84,7 @@ pub enum DriverEvent {
         /// Force sent, N per finger.
         given_n: f64,
     },
-    /// By which command of the protocol the force is changed.
+    /// The command of the protocol that changes the force.
     ForcePath {
         /// In words.
         path: &'static str,

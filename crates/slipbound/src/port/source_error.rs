@@ -53,7 +53,7 @@ impl From<SettingError> for SourceError {
     }
 }
 
-/// A frame that does not hold what its size says.
+/// A frame whose buffer does not match its stated size.
 impl From<ImageError> for SourceError {
     fn from(error: ImageError) -> Self {
         SourceError::new(SourceErrorKind::Format, error)

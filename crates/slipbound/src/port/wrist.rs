@@ -52,7 +52,7 @@ impl std::error::Error for WristError {
     }
 }
 
-/// Fastest turn that may be commanded, rad/s: a little over 60 deg/s. A cap is screwed at 20 deg/s.
+/// Maximum turn rate that may be commanded, rad/s: a little over 60 deg/s. A cap is screwed at 20 deg/s.
 pub const FASTEST_TURN_RAD_PER_S: f64 = 1.1;
 
 /// Longest time a motion may go on without being renewed, in nanoseconds: 200 ms.

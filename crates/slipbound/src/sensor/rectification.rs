@@ -3,8 +3,8 @@
 //! ```text
 //!   rectified --crop--> plane p --distortion--> p + d(p) --homography^-1--> upright camera image
 //! ```
-//! Written from the rectified image to the camera, because that is the way pixels are fetched: no step of it has to
-//! be inverted for that.
+//! The map goes from the rectified image to the camera, the direction in which pixels are fetched: that needs no
+//! inversion of a step.
 
 use crate::plane::{Homography, Vec2};
 use crate::setting::SettingError;
@@ -25,27 +25,27 @@ pub struct Rectification {
 
 /// Coefficients of a polynomial of degree 3 and of degree 5 in two variables.
 const COUNTS: [(usize, usize); 2] = [(3, 10), (5, 21)];
-/// The most coefficients there can be.
+/// Largest number of coefficients.
 pub(crate) const MOST_TERMS: usize = 21;
 
 /// A displacement of the plane of the gel: a polynomial of degree 3 or 5 in (u, v) = (p - centre) / span, for x and
 /// for y in plane px. Terms in the order 1, u, v, u2, uv, v2, u3, u2v, uv2, v3, and so on.
 ///
-/// It holds where u and v are within -1..1, the box of the markers; beyond, it is continued linearly, because a
-/// polynomial would soon fold there.
+/// It is valid where u and v are within -1..1, the bounding box of the markers; beyond, it is extrapolated linearly,
+/// because a polynomial would soon fold there.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "DistortionFile", into = "DistortionFile")]
 pub struct Distortion {
     /// Where (u, v) = (0, 0), plane px.
     pub centre_px: Vec2,
-    /// Plane px by which u and v grow by 1.
+    /// Plane px per unit of u and of v.
     pub span_px: Vec2,
     terms_count: usize,
     x_px: [f64; MOST_TERMS],
     y_px: [f64; MOST_TERMS],
 }
 
-/// As it stands in a sensor file.
+/// As written in a sensor file.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct DistortionFile {
@@ -95,7 +95,7 @@ impl Distortion {
         (&self.x_px[..self.terms_count], &self.y_px[..self.terms_count])
     }
 
-    /// How many coefficients an axis has at a degree.
+    /// Number of coefficients per axis for a degree.
     pub(crate) fn terms_count(degree: usize) -> usize {
         (degree + 1) * (degree + 2) / 2
     }
@@ -118,7 +118,7 @@ impl Distortion {
         values
     }
 
-    /// By how much a point of the plane is displaced, plane px.
+    /// Displacement of a point of the plane, plane px.
     pub fn displacement_px(&self, p: Vec2) -> Vec2 {
         let held = |at: f64, centre: f64, span: f64| at.clamp(centre - span, centre + span);
         let (centre, span) = (self.centre_px, self.span_px);
@@ -150,7 +150,7 @@ impl Distortion {
     }
 }
 
-/// Share of the way beyond the rim over which the slope at the rim is measured.
+/// Share of the distance beyond the rim over which the slope at the rim is measured.
 const SLOPE_SHARE: f64 = 1e-4;
 /// Rounds of Newton's method; each squares the error.
 const ROUNDS_COUNT: usize = 12;
@@ -168,7 +168,7 @@ impl Rectification {
         inverse.apply(self.distortion.map_or(p, |d| p + d.displacement_px(p)))
     }
 
-    /// The map of [`Rectification::upright_from_plane`] with the homography inverted once, for a loop.
+    /// The map of [`Rectification::upright_from_plane`] with the homography inverted once, for use in a loop.
     pub fn to_upright(&self) -> impl Fn(Vec2) -> Vec2 + '_ {
         let inverse = self.homography.inverse().unwrap_or(Homography::IDENTITY);
         move |p| self.upright_with(&inverse, p)
@@ -197,8 +197,7 @@ impl Rectification {
         ((bent - seen(p)).length() < 1e-3).then_some(p)
     }
 
-    /// How much larger or smaller the camera sees a small piece of the plane at `p`, as the area in camera px of one
-    /// plane px; negative where the map folds over.
+    /// Area in camera px of one plane px at `p`; negative where the map folds over.
     pub fn area_ratio(&self, p: Vec2) -> f64 {
         let (along, across) = slopes(&self.to_upright(), p);
         along.cross(across)
@@ -207,7 +206,7 @@ impl Rectification {
     /// The same for a camera image `scale` times as wide; pixel centres lie at whole numbers.
     pub(super) fn scaled(&self, scale: f64) -> Rectification {
         let scaled = |v: usize| (v as f64 * scale).round() as usize;
-        // A scale moves pixel centres about (-0.5, -0.5).
+        // Pixel coordinates scale about (-0.5, -0.5).
         let shift = (scale - 1.0) / 2.0;
         let grow = Homography([[scale, 0.0, shift], [0.0, scale, shift], [0.0, 0.0, 1.0]]);
         let shrink =
@@ -219,7 +218,7 @@ impl Rectification {
         }
     }
 
-    /// Whether every number is possible; the error names the key.
+    /// Checks every number; the error names the key.
     pub(super) fn check(&self) -> Result<(), SettingError> {
         let bad = |key: &str, got: String, expected: &str| {
             Err(SettingError { key: format!("rectification.{key}"), got, expected: expected.into() })

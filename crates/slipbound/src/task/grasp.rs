@@ -1,12 +1,12 @@
-//! Taking hold: close with the starting force until the object is held and felt. Slip is answered from the first contact
+//! Grasping: close with the starting force until the object is held and felt. Slip is answered from the first contact
 //! on.
 //!
 //! ```text
-//!   the gripper says it holds + the jaws stand still + the fingers feel it  --0.2 s, the force has come--> held
-//!                                                                           --1 s, whatever the force reads--> held
+//!   gripper reports a hold + the jaws stand still + the fingers feel it  --0.2 s, force reached--> held
+//!                                                                        --1 s, any force------> held
 //! ```
 //!
-//! A force reading alone proves nothing, for neither side: a motor's current is 6 % or 3 N off, or flickers by 2 N.
+//! A force reading alone proves nothing either way: a motor's current is 6 % or 3 N off, or fluctuates by 2 N.
 
 use super::step::{Ending, Missing, Observation};
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
@@ -14,30 +14,30 @@ use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::Jaws;
 
-/// Longest time to take hold, ns.
+/// Longest time for a grasp, ns.
 const LONGEST_NS: u64 = 10_000_000_000;
 
-/// Time the grip must stand before work begins, ns: long enough for a reference to be taken on it.
+/// Time for which the grip must be steady before work begins, ns: long enough for the monitor to take a reference.
 const SETTLE_NS: u64 = 200_000_000;
 
-/// The same where the force does not read as it was commanded, ns: the longest time jaws take to build it up, and more.
+/// The same where the force reading differs from the command, ns: longer than jaws ever need to build up force.
 const WITHOUT_FORCE_NS: u64 = 1_000_000_000;
 
-/// Motion of the jaws that is none, mm: more than a step of the coarsest position known here (0.37 mm).
+/// Jaw motion that counts as none, mm: more than a step of the coarsest position sensor known here (0.37 mm).
 const STILL_MM: f64 = 0.5;
 
-/// Taking hold.
+/// A grasp in progress.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Grasp {
     since_ns: Option<u64>,
-    /// Since when everything but the force is as it should be, and the opening then.
+    /// Since when all conditions except the force have been met, and the opening then.
     stands: Option<(u64, Option<f64>)>,
-    /// Since when the force is, too.
+    /// Since when the force has been reached, too.
     pressed_since_ns: Option<u64>,
     missing: Option<Missing>,
 }
 
-/// How far it is.
+/// Progress of a grasp.
 pub(super) enum Grasped {
     NotYet(GripDecision),
     Yes,
@@ -45,7 +45,7 @@ pub(super) enum Grasped {
 }
 
 impl Grasp {
-    /// `hand` is what the fingers say, without the slip that the task allows.
+    /// `hand` is the hand report without the slip that the task allows.
     pub fn step(&mut self, observation: &Observation<'_>, hand: &HandReport, grip: &mut Guard) -> Grasped {
         let (now_ns, gripper) = (observation.now_ns, observation.gripper);
         let since_ns = *self.since_ns.get_or_insert(now_ns);
@@ -67,7 +67,7 @@ impl Grasp {
             (self.stands, self.pressed_since_ns) = (None, None);
         }
         let is_late = now_ns.saturating_sub(since_ns) > LONGEST_NS;
-        // Blind fingers do not know that nothing is held.
+        // Blind fingers cannot tell whether something is held.
         let is_empty = is_late && hand.state != SlipState::Unjudged && !(holds && feels);
         if matches!(gripper.jaws, Jaws::Nothing | Jaws::Lost) || is_empty {
             return Grasped::Never(Ending::NothingHeld);
@@ -75,12 +75,12 @@ impl Grasp {
         Grasped::NotYet(GripDecision { force_n, arm: ArmMotion::Pause })
     }
 
-    /// What is missing, while something is.
+    /// The missing condition, if any.
     pub fn missing(&self) -> Option<Missing> {
         self.missing
     }
 
-    /// The starting force, or what the controller answers to slip; it never falls while hold is taken.
+    /// The starting force, or the controller's response to slip; it never falls during the grasp.
     fn force_n(&self, observation: &Observation<'_>, hand: &HandReport, grip: &mut Guard, is_felt: bool) -> f64 {
         let (now_ns, gripper) = (observation.now_ns, observation.gripper);
         let before_n = grip.force_n();
@@ -89,7 +89,7 @@ impl Grasp {
         grip.hold(now_ns, hand, gripper, wanted_n).force_n
     }
 
-    /// For how long everything but the force is as it should be, ns.
+    /// For how long all conditions except the force have been met, ns.
     fn stands_for_ns(&mut self, observation: &Observation<'_>) -> u64 {
         let (now_ns, now_mm) = (observation.now_ns, observation.gripper.opening_mm);
         let moved = |before_mm: Option<f64>| before_mm.zip(now_mm).is_some_and(|(a, b)| (a - b).abs() > STILL_MM);
@@ -101,7 +101,7 @@ impl Grasp {
         now_ns.saturating_sub(since_ns)
     }
 
-    /// How long it has to stand like that, ns.
+    /// For how long they have to be met, ns.
     fn needed_ns(&mut self, now_ns: u64, is_pressed: bool) -> u64 {
         if !is_pressed {
             self.pressed_since_ns = None;

@@ -1,36 +1,37 @@
-//! What the fingers feel of the ground: how far it has turned the object in them, and how far it pushes it against them.
+//! What the fingers feel of the ground: how far it has turned the object in them, and how far it pushes the object.
 //!
 //! ```text
-//!   both   --o--o-----o--o--     Each set of fingers is a mean of its own. A set that was away for a moment goes on from what it
-//!   left   -------o-----------   felt itself; a new one, or one that was away for long, from what the last one had felt: what
-//!   right  ----------o--------   the means jump by is no motion of the object.
+//!   both   --o--o-----o--o--     Each set of fingers has its own mean. A set that returns after a short absence
+//!   left   -------o-----------   continues from its own values; a new set, or one absent for long, from those of
+//!   right  ----------o--------   the last set: a jump between the means is no motion of the object.
 //! ```
 
 use crate::hand::{FINGERS_MOST, HandReport, Health};
 
-/// The push of the ground counts against its mean over this time, s: on one edge the object still hangs in the fingers, and turning
-/// and the creep of the gel push slowly.
+/// The push of the ground is measured against its mean over this time, s: on one edge the object still hangs in the
+/// fingers, and rotation and gel creep cause slow changes.
 const CREEP_S: f64 = 1.0;
 
-/// Longest time after which a set of fingers goes on from what it felt itself, ns.
+/// Longest absence after which a set of fingers continues from its own values, ns.
 const AWAY_NS: u64 = 300_000_000;
 
-/// Sets that are known at a time: both fingers, either, and one to spare.
+/// Number of sets stored: both fingers, either, and one spare.
 const SETS_COUNT: usize = 4;
 
-/// Which fingers the means are of, and whether they could be separated.
+/// Which fingers contribute to the means, and whether they could be separated.
 type Fingers = ([Health; FINGERS_MOST], bool);
 
-/// What some fingers felt last, and what it counts from.
+/// The last values of a set of fingers, and their references.
 #[derive(Debug, Clone, Copy)]
 struct Felt {
     fingers: Fingers,
     seen_ns: u64,
     pivot_rad: f64,
     along_mm: f64,
-    /// Rotation of the object that hung, rad.
+    /// Rotation while the object hung, rad.
     hanging_rad: f64,
-    /// Mean shear along over [`CREEP_S`], mm, and when it was seen last, ns; None before the push is asked for.
+    /// Mean shear along over [`CREEP_S`], mm, and when it was last updated, ns; None before the first call of
+    /// `push_mm`.
     mean: Option<(f64, u64)>,
 }
 
@@ -63,7 +64,7 @@ impl Ground {
             let is_last = last.is_some_and(|last| last.fingers == fingers);
             felt.fingers == fingers && (is_last || now_ns.saturating_sub(felt.seen_ns) <= AWAY_NS)
         });
-        // A set whose push was not asked for yet takes over that of the last one.
+        // A set without a mean yet takes over the push of the last set.
         let mean = last
             .and_then(|last| last.mean.zip(last.push_mm()))
             .map(|((_, seen_ns), push_mm)| (along_mm + push_mm, seen_ns));
@@ -79,8 +80,8 @@ impl Ground {
         Some(felt.turned_rad())
     }
 
-    /// How far the ground has pushed the object against the fingers within about [`CREEP_S`], mm, by what they felt last. `stands`: the wrist
-    /// stands until it is sure, and the push goes on to count from where it did.
+    /// How far the ground has pushed the object against the fingers within about [`CREEP_S`], mm, by the last values.
+    /// `stands`: the wrist stands while the push is being confirmed, and the mean is frozen.
     pub fn push_mm(&mut self, now_ns: u64, stands: bool) -> f64 {
         let Some(felt) = &mut self.felt[0] else { return 0.0 };
         let (mean_mm, seen_ns) = felt.mean.unwrap_or((felt.along_mm, now_ns));

@@ -1,4 +1,4 @@
-//! Lifting and holding: raise the object, then hold it for a time, whatever is poured into it or pulls at it.
+//! Lifting and holding: raise the object, then hold it for a time while it may be filled or pulled at.
 
 use super::grasp::{Grasp, Grasped};
 use super::step::{Ending, Missing, Observation, PAUSE, Phase, Task, TaskStep, lower};
@@ -10,7 +10,7 @@ use crate::port::{Jaws, WristMotion};
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
-/// Most of the time between two steps that counts as held, ns.
+/// Longest time between two steps that counts as held, ns.
 const LONGEST_STEP_NS: u64 = 250_000_000;
 
 /// Settings of [`Lift`].
@@ -22,7 +22,8 @@ pub struct LiftSettings {
     pub lift_mm: f64,
     /// Rate, mm/s.
     pub rate_mm_per_s: f64,
-    /// How long to hold it after that, ns. Time in which no finger felt it, or the gripper did not say that it holds, does not count.
+    /// How long to hold it after that, ns. Time in which no finger feels it, or the gripper does not report a hold,
+    /// does not count.
     pub hold_ns: u64,
     /// Where the object may slide: nowhere.
     pub allowed: Allowed,
@@ -55,7 +56,7 @@ pub struct Lift {
     /// Time of the last step of work, ns.
     worked_ns: Option<u64>,
     is_up: bool,
-    /// For how long it was held up and seen to be, ns.
+    /// For how long the lifted object was felt and held, ns.
     held_ns: u64,
     last: GripDecision,
 }
@@ -85,7 +86,7 @@ impl Lift {
         let seen = self.tare.correct(&self.settings.allowed.filter(observation.hand), observation.gripper.pressed_n());
         self.last = self.grip.decide(observation.now_ns, &seen, observation.gripper);
         let since_ns = self.worked_ns.replace(observation.now_ns).unwrap_or(observation.now_ns);
-        // What was not felt to be held was not held, and what was between two steps far apart is not known.
+        // Time counts as held only while the object is felt; of a long gap between two steps only a part counts.
         let feels = !matches!(observation.hand.state, SlipState::Unjudged | SlipState::NoContact)
             && observation.gripper.jaws == Jaws::Holding;
         if self.is_up && feels {

@@ -1,5 +1,5 @@
-//! Laying a tool down: lower it tilted until it touches and turns in the fingers, loosen the grip so that it goes on
-//! turning, lower on until the ground carries it, let go.
+//! Laying a tool down: lower it tilted until it touches and turns in the fingers, loosen the grip so that it keeps
+//! turning, lower further until the ground carries it, release.
 //!
 //! ```text
 //!    ||          ||            ||              |  |
@@ -28,16 +28,17 @@ pub struct PlaceSettings {
     pub laying_mm_per_s: f64,
     /// Furthest lowering, mm.
     pub most_mm: f64,
-    /// Rotation of the object in the fingers that means it touches the ground, rad; a slip in which it pivots means that, too.
+    /// Rotation of the object in the fingers that indicates ground contact, rad; so does a slip in which it pivots.
     pub touch_rad: f64,
-    /// Increase of the force of the ground on the fingers within about a second that means that the ground carries the object,
-    /// N per finger. Slower it grows while the object turns on its edge. Needs the stiffness of the gels.
+    /// Increase of the force of the ground on the fingers within about a second that indicates that the ground carries
+    /// the object, N per finger. It grows more slowly while the object turns on its edge. Needs the stiffness of the
+    /// gels.
     pub carried_n: f64,
     /// The same as a displacement of the gels against gravity, mm, where their stiffness is unknown.
     pub carried_mm: f64,
     /// Time for which the looser grip must be settled before that force is evaluated, ns.
     pub loosen_ns: u64,
-    /// Force per finger while it is laid down, N; not below the least of the grip.
+    /// Force per finger while it is laid down, N; not below the minimum of the grip.
     pub laying_n: f64,
     /// Where the object may slide before it touches: nowhere. Pivoting indicates the touch.
     pub allowed: Allowed,
@@ -73,13 +74,14 @@ impl PlaceSettings {
     }
 }
 
-/// Longest time for the looser grip to arrive since another force was last commanded, ns.
+/// Longest time to reach the looser grip since the commanded force last changed, ns.
 const LATE_NS: u64 = 3_000_000_000;
 
-/// The touch must last for so many cycles to be believed, and so many more cycles must feel the ground carry than not: it opens the hand.
+/// Number of consecutive cycles that confirm a touch. Before the hand opens, so many more cycles must report that the
+/// ground carries the object than that it does not.
 const SURE_CYCLES_COUNT: u32 = 3;
 
-/// Cycles that are further apart do not follow each other; fingers that have felt nothing for so long feel nothing, ns.
+/// Longest gap between consecutive cycles, ns; after so long without feeling the object, the fingers feel nothing.
 const APART_NS: u64 = 250_000_000;
 
 /// Laying down.
@@ -89,18 +91,18 @@ pub struct Place {
     grip: Guard,
     grasp: Grasp,
     phase: Phase,
-    /// How far the wrist had been lowered when the way down began, mm.
+    /// Wrist position at the start of lowering, mm.
     start_mm: Option<f64>,
     stiffness_mpa_per_mm: Option<f64>,
     touched_ns: Option<u64>,
     ground: Ground,
-    /// When the fingers last felt the object, or the way down began, ns.
+    /// When the fingers last felt the object, or lowering began, ns.
     felt_ns: Option<u64>,
     /// For how many cycles it has turned in the fingers, and the ground has carried it.
     turned_cycles_count: u32,
     carried_cycles_count: u32,
     last: GripDecision,
-    /// When another force than before was last commanded, ns.
+    /// When the commanded force last changed, ns.
     changed_ns: u64,
 }
 
@@ -148,7 +150,7 @@ impl Place {
         let felt_ns = *self.felt_ns.get_or_insert(observation.now_ns);
         let is_long_ago = observation.now_ns.saturating_sub(felt_ns) > APART_NS;
         let Some(turned_rad) = self.ground.turned_rad(observation.now_ns, hand) else {
-            // Nothing is lowered onto ground whose answer is not felt; in the air a frame may be missing.
+            // Without shear the ground force is unknown: do not lower. Before the touch a few frames may be missing.
             if self.touched_ns.is_some() || is_long_ago {
                 self.phase = Phase::Waiting;
             }
@@ -161,7 +163,7 @@ impl Place {
         let turns = turned_rad.abs() >= self.settings.touch_rad || hand.slip.is_some_and(|slip| slip.pivots);
         self.turned_cycles_count = if turns { self.turned_cycles_count + 1 } else { 0 };
         if self.touched_ns.is_none() && self.turned_cycles_count >= SURE_CYCLES_COUNT {
-            // It rests on one end and turns; a loose grip keeps the ground's answer small.
+            // It rests on one end and turns; a loose grip keeps the force of the ground small.
             self.touched_ns = Some(observation.now_ns);
             let grip = self.grip.hold(observation.now_ns, &allowed, observation.gripper, self.settings.laying_n);
             self.command(grip, observation.now_ns);
@@ -172,7 +174,7 @@ impl Place {
             return;
         }
         if self.grip.is_raised() || !arrived(self.last.force_n, observation.gripper) {
-            // With a firm grip the gels say nothing of the ground: nothing is let go on their word.
+            // With a firm grip the gels do not measure the ground force: nothing is released because of it.
             let since_ns = self.changed_ns.max(touched_ns + self.settings.loosen_ns);
             let late = observation.now_ns.saturating_sub(since_ns) > LATE_NS;
             self.phase = if late { Phase::Ended(Ending::GripStays) } else { Phase::Waiting };
@@ -183,12 +185,12 @@ impl Place {
         }
         let carried_count = self.carried_cycles_count;
         let push_mm = self.ground.push_mm(observation.now_ns, carried_count > 0);
-        // One cycle that does not feel it takes one back: on a rigid ground a step further down is half a newton and more.
+        // A cycle that does not feel it subtracts one: on rigid ground one more step down adds half a newton or more.
         self.carried_cycles_count =
             if self.carried(hand, push_mm) { carried_count + 1 } else { carried_count.saturating_sub(1) };
         self.phase = match self.carried_cycles_count {
             0 => Phase::Working,
-            // Lowered on meanwhile it would be pressed onto the ground.
+            // Further lowering would press it onto the ground.
             1..SURE_CYCLES_COUNT => Phase::Waiting,
             _ => Phase::Releasing,
         };

@@ -1,11 +1,11 @@
-//! Screwing a cap onto a bottle: turn; the controller answers slip; end on evidence that the cap is tight.
+//! Screwing a cap onto a bottle: turn; the controller reacts to slip; end on evidence that the cap is tight.
 //!
 //! ```text
 //!   Grasping -> Working  <->  Waiting (the grip is being raised)  -> Ended(Tight)
 //! ```
 //!
-//! The paper stops at incipient slip at 60 N. Incipient is not yet all: half of the torque can be unused then. Here
-//! the wrist turns on until the shear of the gels stays flat while it turns ([`ScrewEnd::Evidence`]).
+//! The paper stops at incipient slip at 60 N. Up to half of the torque can still be unused then. Here the wrist turns
+//! on until the shear of the gels stays flat while it turns ([`ScrewEnd::Evidence`]).
 
 use super::step::{Ending, Missing, Observation, Task, TaskStep};
 use super::turning::{SlideSettings, Turning};
@@ -15,11 +15,12 @@ use crate::port::FASTEST_TURN_RAD_PER_S;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
-/// When a cap is tight.
+/// Criterion for a tight cap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ScrewEnd {
-    /// At the largest force the fingers slip, and go on slipping, and the shear stays flat over `flat_window_rad` of turning.
+    /// At the largest force the fingers slip and continue to slip, and the shear stays flat over `flat_window_rad` of
+    /// turning.
     Evidence,
     /// At the first incipient slip at the largest force: the paper's literal law.
     SlipAtMost,
@@ -30,17 +31,17 @@ pub enum ScrewEnd {
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct ScrewSettings {
-    /// When it is tight.
+    /// Criterion for a tight cap.
     pub end: ScrewEnd,
     /// Rate of the wrist, rad/s, positive tightens a right-hand thread: 20 deg/s.
     pub rate_rad_per_s: f64,
-    /// Furthest turn, rad.
+    /// Maximum turn, rad.
     pub most_rad: f64,
     /// Turn over which the shear has to stay flat, rad: 8 deg, 2 mm at the rim of a bottle cap. Below `most_rad`.
     pub flat_window_rad: f64,
     /// Growth of the shear over that turn, as a fraction of the shear, that still counts as flat.
     pub flat_fraction: f64,
-    /// Where the cap may slide in the fingers: along the thread, for the wrist does not follow it down.
+    /// Where the cap may slide in the fingers: along the thread, because the wrist does not follow it down.
     pub allowed: Allowed,
     /// When the fingers are considered to slide around the cap.
     pub slide: SlideSettings,

@@ -30,7 +30,7 @@ pub enum TaskKind {
 pub enum ControllerKind {
     /// A constant force.
     Constant,
-    /// A step at each incipient slip; tasks end on evidence.
+    /// A force step at each incipient slip; tasks end on evidence.
     #[default]
     OnSlip,
     /// Exactly as in the paper: the same, but screwing ends at incipient slip at the largest force.
@@ -99,8 +99,8 @@ impl TaskSettings {
         self.lift.check()
     }
 
-    /// Whether a finger tells what a task goes by: a cap that is turned and the ground are felt by the shear of the gel in mm. The error says
-    /// what is missing. With the literal law of the paper screwing ends on slip alone.
+    /// Whether a finger measures what a task needs: turning a cap and feeling the ground need the shear of the gel in
+    /// mm. The error names what is missing. With the literal law of the paper screwing ends on slip alone.
     pub fn check_finger(&self, kind: TaskKind, sensor: &Sensor) -> Result<(), SettingError> {
         let ends_on_slip = self.controller == ControllerKind::Paper || self.screw.end == ScrewEnd::SlipAtMost;
         let goes_by_shear = match kind {
@@ -134,7 +134,7 @@ impl TaskSettings {
         self.task_with(kind, law.controller(&self.grip)?, stiffness_mpa_per_mm)
     }
 
-    /// The same with a controller of one's own behind its guard, `Guard::new(Box::new(controller), settings.grip)`; the
+    /// The same with your own controller behind its guard, `Guard::new(Box::new(controller), settings.grip)`; the
     /// controller and the limits in the settings are ignored.
     pub fn task_with(
         &self,

@@ -1,4 +1,4 @@
-//! How the shear of the gels goes with the turn of the wrist: does the torque still grow, is it flat, has it fallen?
+//! Shear of the gels over the turn of the wrist: does the torque still grow, is it flat, has it fallen?
 //!
 //! ```text
 //!   shear |        ______ flat: the cap no longer follows      shear |  .-.
@@ -7,28 +7,28 @@
 //!         +----------------> turn                                    +------------> turn
 //! ```
 
-/// Samples kept, evenly over the turn: the longest window that is asked about has [`STEPS_COUNT`] of them, so that a
-/// window fills whatever the rate of the loop and the speed of the wrist.
+/// Number of samples, evenly spaced over the turn: the longest window has [`STEPS_COUNT`] of them, so that a window
+/// fills at any loop rate and wrist speed.
 const SAMPLES_COUNT: usize = 64;
 const STEPS_COUNT: f64 = 48.0;
 
-/// Turns that are the same, rad.
+/// Turns closer than this are the same, rad.
 const SAME_RAD: f64 = 1e-4;
 
-/// Change of shear below which nothing has changed, mm: three times the noise of a mean over a contact's markers.
+/// Change of shear below which it counts as constant, mm: three times the noise of a mean over a contact's markers.
 const NOISE_MM: f64 = 0.015;
 
-/// Share of a window whose mean stands for its beginning and its end.
+/// Share of a window that is averaged for its beginning and for its end.
 const QUARTER: f64 = 0.25;
 
-/// Share of its peak below which the shear has fallen. Fingers that slide keep the friction they have, and the worst
-/// elastomers lose a quarter of it in sliding.
+/// Share of its peak below which the shear has fallen. A sliding contact keeps its friction; the worst elastomers lose
+/// a quarter of it in sliding.
 const FALLEN_FRACTION: f64 = 0.7;
 
 /// Shear over turn, since the grip last changed.
 #[derive(Debug, Clone)]
 pub(super) struct ShearWatch {
-    /// Least turn between two samples, rad.
+    /// Minimum turn between two samples, rad.
     step_rad: f64,
     samples: [(f64, f64); SAMPLES_COUNT],
     count: usize,
@@ -37,19 +37,19 @@ pub(super) struct ShearWatch {
 }
 
 impl ShearWatch {
-    /// Keeps enough for windows up to this one, rad.
+    /// Stores enough samples for windows up to this one, rad.
     pub fn new(longest_window_rad: f64) -> Self {
         let step_rad = (longest_window_rad / STEPS_COUNT).max(SAME_RAD);
         ShearWatch { step_rad, samples: [(0.0, 0.0); SAMPLES_COUNT], count: 0, peak_mm: 0.0, fallen_at_rad: None }
     }
 
-    /// The grip has changed: shear is compared only with what follows. The peak stays.
+    /// For a new grip: shear is compared only with later samples. The peak is kept.
     pub fn restart(&mut self) {
         self.count = 0;
     }
 
-    /// Takes the shear, in the sense of the task, at an angle turned so far. The newest sample is moved on
-    /// until it is a step away from the one before.
+    /// Adds the shear, in the sense of the task, at this turned angle. The newest sample is replaced until it is a full
+    /// step away from the one before.
     pub fn see(&mut self, turned_rad: f64, shear_mm: f64) {
         self.peak_mm = self.peak_mm.max(shear_mm);
         let fallen = shear_mm < FALLEN_FRACTION * self.peak_mm;
@@ -73,8 +73,8 @@ impl ShearWatch {
         self.count += 1;
     }
 
-    /// Whether over the last `window_rad` of turning the shear grew by no more than `fraction` of itself: from end to end of
-    /// the window, and by the means of its first and last quarter, for one frame is noisy.
+    /// Whether over the last `window_rad` of turning the shear grew by no more than `fraction` of itself: from end to
+    /// end of the window, and between the means of its first and last quarter, because one frame is noisy.
     pub fn is_flat(&self, window_rad: f64, fraction: f64) -> bool {
         let samples = &self.samples[..self.count];
         let Some(&(now_rad, now_mm)) = samples.last() else { return false };
@@ -127,7 +127,7 @@ mod tests {
         assert_eq!(watch.fallen_for_rad(0.4, 0.5), None);
     }
 
-    /// 64 samples of a window that holds 480 of them: it fills all the same, and is judged at its ends.
+    /// 64 samples of a window that holds 480: it fills all the same, and is judged at its ends.
     #[test]
     fn a_window_fills_however_fine_the_samples_are() {
         for step_rad in [1e-5, 1e-4, 7e-4, 0.01, 0.1] {

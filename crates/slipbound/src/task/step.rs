@@ -19,7 +19,7 @@ pub struct Observation<'a> {
 }
 
 impl Observation<'_> {
-    /// Whether the gripper says that what was held is gone.
+    /// Whether the gripper reports that the held object is gone.
     pub(super) fn is_lost(&self) -> bool {
         matches!(self.gripper.jaws, Jaws::Lost | Jaws::Nothing)
     }
@@ -143,12 +143,12 @@ pub trait Task {
     }
 }
 
-/// A turn that may go on until the next renewal but one.
+/// A turn that lasts until the renewal after the next.
 pub(super) fn turn(rate_rad_per_s: f64) -> WristCommand {
     WristCommand::new(WristMotion::Turn { rate_rad_per_s, most_rad: rate_rad_per_s.abs() * 0.2 })
 }
 
-/// A lowering (negative: lifting) that may go on until the next renewal but one.
+/// A lowering (negative: lifting) that lasts until the renewal after the next.
 pub(super) fn lower(rate_mm_per_s: f64) -> WristCommand {
     WristCommand::new(WristMotion::Lower { rate_mm_per_s, most_mm: rate_mm_per_s.abs() * 0.2 })
 }

@@ -1,8 +1,8 @@
-//! Taring the shear: what it reads without any load, since a camera that looks askance sees a squeezed gel shifted.
+//! Taring the shear: a camera at an oblique angle measures an apparent shear of a squeezed gel without any load.
 
 use crate::hand::{HandReport, HandVector};
 
-/// Power of the grip force with which the apparent shear grows: 0.05, 0.14 and 0.23 mm at 10, 30 and 60 N on a
+/// Exponent with which the apparent shear grows with the grip force: 0.05, 0.14 and 0.23 mm at 10, 30 and 60 N on a
 /// simulated cap seen by a camera at 40 deg.
 const GROWTH: f64 = 0.85;
 
@@ -13,14 +13,14 @@ pub(super) struct Tare {
 }
 
 impl Tare {
-    /// The object is held with this force and nothing pulls at it yet.
+    /// Call it while the object is held with this force, before any load.
     pub fn take(&mut self, hand: &HandReport, pressed_n: Option<f64>) {
         if let (Some(shear_mm), Some(pressed_n)) = (hand.shear_mm, pressed_n.filter(|n| *n > 0.0)) {
             self.taken = Some((pressed_n, shear_mm));
         }
     }
 
-    /// The report with what the grip alone makes of the shear taken out.
+    /// The report without the shear that the grip alone causes.
     pub fn correct(&self, hand: &HandReport, pressed_n: Option<f64>) -> HandReport {
         let (Some((at_n, tare_mm)), Some(shear_mm), Some(pressed_n)) = (self.taken, hand.shear_mm, pressed_n) else {
             return *hand;
@@ -49,7 +49,8 @@ mod tests {
 
     #[test]
     fn what_the_grip_alone_makes_of_the_shear_is_taken_out_at_any_force() {
-        // The squeeze of a simulated cap: 0.05, 0.14 and 0.23 mm at 10, 30 and 60 N; tared at 10 N the rest is noise.
+        // The squeeze of a simulated cap: 0.05, 0.14 and 0.23 mm at 10, 30 and 60 N; tared at 10 N the remainder is
+        // noise.
         let mut tare = Tare::default();
         tare.take(&feels(Some([0.05, -0.1, 0.2])), Some(10.0));
         for (pressed_n, grown) in [(10.0, 1.0), (30.0, 2.544), (60.0, 4.586), (5.0, 0.5548), (0.0, 0.0), (-1.0, 0.0)] {

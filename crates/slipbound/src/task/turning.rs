@@ -1,4 +1,4 @@
-//! What screwing and unscrewing share: take hold, turn while the controller lets the wrist go, watch the shear.
+//! The common part of screwing and unscrewing: grasp, turn while the controller lets the wrist move, watch the shear.
 
 use super::grasp::{Grasp, Grasped};
 use super::shear_watch::ShearWatch;
@@ -10,8 +10,8 @@ use crate::monitor::SlipState;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
-/// When turning fingers are considered to slide around a cap although no onset of slip was seen: steady sliding moves
-/// no marker. Then the shear stays flat while they turn, under a load that friction could just carry.
+/// When turning fingers are considered to slide around a cap without a detected slip onset: steady sliding moves no
+/// marker. Then the shear stays flat while they turn, under a load that friction could just carry.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
@@ -31,7 +31,7 @@ impl Default for SlideSettings {
 }
 
 impl SlideSettings {
-    /// `most_rad` is the furthest turn: a window beyond it could never fill.
+    /// `most_rad` is the maximum turn: a window beyond it could never fill.
     pub(super) fn check(&self, most_rad: f64) -> Result<(), SettingError> {
         within("slide.window_rad", self.window_rad, 0.01, most_rad.min(1.0))?;
         within("slide.flat_fraction", self.flat_fraction, 0.0, 0.5)?;
@@ -54,26 +54,26 @@ pub(super) struct Turning {
     start_rad: Option<f64>,
     shear: ShearWatch,
     longest_window_rad: f64,
-    /// Where slip under the largest force was seen first and last, rad of the turn.
+    /// Where slip under the largest force was first and last detected, rad of the turn.
     slips_rad: Option<(f64, f64)>,
     last: GripDecision,
 }
 
-/// What the end of a turn is judged by.
+/// Evidence for ending a turn.
 pub(super) struct Evidence<'a> {
     /// Shear of the gels around the axis over the turn, in the sense of the task.
     pub shear: &'a ShearWatch,
     /// How far the wrist has turned, in the sense of the task, rad.
     pub turned_rad: f64,
-    /// Slip was seen while the gripper pressed with the largest force.
+    /// Slip was detected while the gripper pressed with the largest force.
     pub slip_at_most: bool,
-    /// Where it was seen first and last, rad of the turn; None before.
+    /// Where it was first and last detected, rad of the turn; None before.
     slips_rad: Option<(f64, f64)>,
 }
 
 impl Evidence<'_> {
-    /// Whether slip under the largest force goes on over such a turn: it began in its first half and was seen in its second one. A
-    /// single alarm is none.
+    /// Whether slip under the largest force persists over this turn: it began in the first half and was detected in the
+    /// second. A single alarm does not count.
     pub fn slips_over(&self, window_rad: f64) -> bool {
         let half_rad = 0.5 * window_rad;
         self.slips_rad.is_some_and(|(first_rad, last_rad)| {
@@ -146,7 +146,7 @@ impl Turning {
         if let Some(shear) = seen.shear_mm {
             self.shear.see(turned_rad, sense * shear.around);
         }
-        // A gripper that was told the largest force but does not press with it proves nothing.
+        // A gripper that was commanded the largest force but does not exert it proves nothing.
         let at_most = self.last.force_n >= self.grip.limits().most_n && arrived(self.last.force_n, observation.gripper);
         let slip_at_most = at_most && self.grip.wants_more();
         if slip_at_most && matches!(seen.state, SlipState::Incipient | SlipState::Gross) {
@@ -157,7 +157,7 @@ impl Turning {
         let ending = if observation.is_lost() {
             Some(Ending::Lost)
         } else {
-            // What was seen before the fingers went blind says nothing of the turn since.
+            // Evidence from before the fingers went blind does not cover the turn since.
             let sees = seen.state != SlipState::Unjudged;
             let seen_ending = sees
                 .then(|| end(Evidence { shear: &self.shear, turned_rad, slip_at_most, slips_rad: self.slips_rad }))
@@ -176,8 +176,8 @@ impl Turning {
         self.grasp.missing().filter(|_| self.phase == Phase::Grasping)
     }
 
-    /// Whether the fingers slide round the cap. Never where the stiffness of the gel is unknown: a cap that runs
-    /// looks the same then.
+    /// Whether the fingers slide around the cap. Always false where the stiffness of the gel is unknown: a cap that
+    /// turns freely looks the same then.
     fn slides(&self, hand: &HandReport, pressed_n: Option<f64>) -> bool {
         let load_n = self.stiffness_mpa_per_mm.and_then(|stiffness| hand.load_n(stiffness));
         let (Some(load_n), Some(pressed_n)) = (load_n, pressed_n) else { return false };

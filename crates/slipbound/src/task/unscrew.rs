@@ -1,7 +1,7 @@
-//! Unscrewing a cap: turn back; the controller answers slip; end because the cap has opened, never because of slip.
+//! Unscrewing a cap: turn back; the controller reacts to slip; end because the cap has opened, never because of slip.
 //!
 //! ```text
-//!   Grasping -> Working  <->  Waiting  -> Ended(Opened): the torque fell and stayed down while the fingers turned on
+//!   Grasping -> Working  <->  Waiting  -> Ended(Opened): the torque fell and stayed low over further turning
 //!                                      -> Ended(Stuck):  at the largest force the fingers slide over the cap
 //! ```
 
@@ -13,7 +13,7 @@ use crate::port::FASTEST_TURN_RAD_PER_S;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
-/// Growth of the shear, as a share of itself, that is none.
+/// Growth of the shear, as a share of itself, that counts as none.
 const SLIDING_FRACTION: f64 = 0.03;
 
 /// Settings of [`Unscrew`].
@@ -23,7 +23,7 @@ const SLIDING_FRACTION: f64 = 0.03;
 pub struct UnscrewSettings {
     /// Rate of the wrist, rad/s, negative opens a right-hand thread: 20 deg/s.
     pub rate_rad_per_s: f64,
-    /// Furthest turn, rad.
+    /// Maximum turn, rad.
     pub most_rad: f64,
     /// Turn over which the torque has to stay well below its peak, rad.
     pub open_rad: f64,

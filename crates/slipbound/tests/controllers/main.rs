@@ -1,4 +1,4 @@
-//! Controllers against made-up hands: the paper's law, the margin, the bounds nobody gets past.
+//! Controllers against synthetic hand reports: the paper's law, the margin, the limits that nothing bypasses.
 
 #[path = "../made_up/mod.rs"]
 mod made_up;
@@ -13,7 +13,7 @@ use slipbound::monitor::SlipState;
 use slipbound::port::{GripperState, Jaws};
 use slipbound::task::TaskSettings;
 
-/// Runs a controller over hands, with a gripper that does at once what it is told; the commands as text.
+/// Runs a controller over hand reports, with a gripper that follows at once; returns the commands.
 fn commands(law: Law, limits: GripLimits, hands: &[HandReport]) -> Vec<GripDecision> {
     let mut controller = law.controller(&limits).expect("valid");
     let mut force_n = limits.start_n;
@@ -42,7 +42,7 @@ fn the_papers_law_pauses_adds_ten_newtons_and_goes_on_up_to_sixty() {
     assert!(told[50..].iter().all(|c| c.arm == ArmMotion::Go), "at the largest force there is nothing to wait for");
 }
 
-/// Slow jaws are at 52 of the 60 N that were commanded when it slips again: 60 N may hold yet.
+/// Slow jaws have reached 52 of the commanded 60 N when it slips again: 60 N may still hold.
 #[test]
 fn slip_before_the_largest_force_has_arrived_asks_for_no_more() {
     let margin = Law::Margin(MarginSettings::default().with_stiffness_mpa_per_mm(0.05));
@@ -140,7 +140,7 @@ fn a_gripper_that_lost_the_part_or_stopped_is_told_to_keep_its_force() {
     }
 }
 
-/// A controller gone mad.
+/// A controller that outputs arbitrary forces.
 struct Mad(std::vec::IntoIter<f64>);
 
 impl GripController for Mad {
@@ -205,7 +205,7 @@ fn a_force_that_was_raised_while_blind_comes_down_slowly_after_a_gap_too() {
     assert!((48.9..50.0).contains(&force_n), "5 N/s for three cycles: {force_n}");
 }
 
-/// Any hands, grippers, controllers and wishes of tasks.
+/// Arbitrary hand reports, grippers, controllers and task forces.
 mod guarded {
     use super::*;
     use proptest::prelude::*;

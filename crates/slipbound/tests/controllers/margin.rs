@@ -1,4 +1,4 @@
-//! The force that holds the load with a margin.
+//! The controller that holds the load with a margin.
 
 use crate::commands;
 use crate::made_up::{FRAME_NS, gripper, hand};
@@ -8,8 +8,8 @@ use slipbound::monitor::SlipState;
 use slipbound::port::GripperState;
 use slipbound::task::{ControllerKind, TaskKind, TaskSettings};
 
-/// Forces told for a load that would make the object slide at 6.5 N for 30 frames, at 19.5 N for 60, at 2.6 N for 90: the margin that is
-/// left at 65 % holds them with 10, 30 and 4 N.
+/// Commanded forces for a load that would make the object slide at 6.5 N for 30 frames, at 19.5 N for 60, at 2.6 N for
+/// 90: with a target of 65 % it holds them with 10, 30 and 4 N.
 fn told_n(settings: MarginSettings) -> Vec<f64> {
     let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
     let mut told = vec![10.0];
@@ -39,7 +39,8 @@ fn a_margin_follows_the_load_at_once_and_lets_go_slowly() {
 #[test]
 fn many_times_what_is_needed_is_let_go_faster_but_not_all_of_it() {
     let told = told_n(MarginSettings::default().with_stiffness_mpa_per_mm(0.05));
-    // 6 N are one and a half times what is wanted: from 30 N on the excess falls by a factor e in a quarter of a second.
+    // 6 N are one and a half times the wanted force: from 30 N on the excess falls by a factor e in a quarter of a
+    // second.
     assert!(told[110] < 6.0 + 24.0 * 0.2, "after 0.67 s: {}", told[110]);
     assert!(told[105] > 8.0, "after half a second: {}", told[105]);
     let (last_n, before_n) = (told[125], told[124]);
@@ -59,7 +60,7 @@ fn as_much_is_let_go_in_a_second_at_every_rate_of_the_loop() {
 #[test]
 fn the_more_slippery_the_more_is_held_in_reserve() {
     let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
-    // 13 N hold it; where the grip ends that begins with 10 N.
+    // 13 N hold it; the final force of a grip that starts at 10 N.
     let holds_n = |friction: Option<f64>| {
         let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
         (0..90).fold(10.0, |force_n, frame| {
@@ -73,7 +74,7 @@ fn the_more_slippery_the_more_is_held_in_reserve() {
     }
 }
 
-/// 7 N need 12.7 N at a used fraction of 0.55; a grip is let go down to 14 N, a used fraction of 0.5.
+/// 7 N need 12.7 N at a used fraction of 0.55; a higher grip is lowered only to 14 N, a used fraction of 0.5.
 #[test]
 fn a_grip_that_is_a_little_firmer_than_it_need_be_is_left_alone() {
     let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
@@ -93,7 +94,7 @@ fn a_grip_that_is_a_little_firmer_than_it_need_be_is_left_alone() {
 
 #[test]
 fn nothing_is_let_go_while_the_load_grows() {
-    // 10 N hold 1 N: far too much. Then the load grows by 1 N/s, and little of the friction seems to be used for long.
+    // 10 N hold 1 N: far too much. Then the load grows by 1 N/s while the used fraction stays low for long.
     let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
     let hands = |growth_per_s: f64| -> Vec<HandReport> {
         let used = |i: u32| 0.2 + growth_per_s * f64::from(i) / 30.0;
@@ -129,7 +130,7 @@ fn a_loaded_contact_that_cannot_be_judged_is_gripped_harder_within_bounds_and_on
 #[test]
 fn a_contact_that_the_view_cuts_is_held_with_more_in_reserve_and_nothing_of_it_is_let_go_under_a_load() {
     let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
-    // 7 N are told to hold it; where the grip ends that begins with so much.
+    // The estimated required force is 7 N; the final force of a grip that starts at this force.
     let holds_n = |cut_fraction: f64, begins_n: f64| {
         let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
         (0..300).fold(begins_n, |force_n, frame| {
@@ -152,7 +153,7 @@ fn a_contact_that_the_view_cuts_is_held_with_more_in_reserve_and_nothing_of_it_i
         |used: f64, cut_fraction: f64| HandReport { margin: Some(1.0 - used), cut_fraction, ..hand(SlipState::Stick) };
     let told = controller.decide(0, &hand_of(0.5, 0.5), &gripper(10.0));
     assert_eq!(told.force_n, 10.0, "told to trust it");
-    // Of a sixth and more nothing is let go, of less it is.
+    // From a sixth on nothing is released; below that it is.
     let last_n = |used: f64, cut_fraction: f64| {
         let mut limits = GripLimits::default();
         limits.start_n = 30.0;
@@ -190,8 +191,9 @@ fn a_margin_without_a_known_gel_is_refused_and_says_what_to_do() {
     assert!(settings.task(TaskKind::Screw, Some(0.05)).is_ok());
 }
 
-/// What slides below 20 N is held with 32; then nothing is seen, or the gripper is not linked, for so long; then a single frame tells
-/// that hardly anything is used, and from there on frames tell the truth, or that the load is only 12 N.
+/// An object that slides below 20 N is held with 32 N. Then the fingers are blind, or the gripper is not linked, for a
+/// while. Then a single frame reports a very small used fraction, and later frames are correct, with a load of only 12
+/// N.
 #[test]
 fn after_a_gap_no_frame_alone_lets_go_and_what_is_let_go_is_let_go_slowly() {
     let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
@@ -235,7 +237,8 @@ fn after_a_gap_no_frame_alone_lets_go_and_what_is_let_go_is_let_go_slowly() {
     }
 }
 
-/// The finger that holds least may be the one whose camera is gone, whose margin is not known, or that has a frame in every second cycle.
+/// The finger with the smallest margin may have lost its camera, have no margin, or have a frame in every second cycle
+/// only.
 #[test]
 fn nothing_is_let_go_while_a_finger_is_missing() {
     let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);

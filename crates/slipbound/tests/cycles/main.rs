@@ -1,11 +1,11 @@
-//! Tasks, controllers, guard, hand and force sense against a hand made of numbers, cycle by cycle, to the last bit, as
-//! tables beside this file. A change that is meant is written anew by
+//! Tasks, controllers, guard, hand and force sense against a numerical model of a hand, cycle by cycle, to the last
+//! bit, as tables beside this file. After an intended change regenerate them with
 //!
 //! ```text
 //! REGENERATE=1 cargo test -p slipbound --test reports --test cycles
 //! ```
 //!
-//! Look at the difference before you commit it.
+//! Review the difference before you commit it.
 
 mod plant;
 #[path = "../snapshot/mod.rs"]
@@ -21,7 +21,7 @@ use snapshot::Checksum;
 
 const CYCLE_NS: u64 = 33_333_333;
 
-/// Cycles before the task begins, in which the open jaws are looked at.
+/// Cycles before the task begins, in which the open jaws are measured.
 const REST_CYCLES: u64 = 8;
 
 const HEAD: &str = "force: as it is made of what the gripper says, N, = where it stands still; told: to the gripper. wrist: turned in rad, lowered in mm.\n\
@@ -41,9 +41,9 @@ struct Case {
     mu: f64,
     /// Noise of the shear of a gel, mm.
     noise_mm: f64,
-    /// From this cycle on the gripper says that what it held is gone.
+    /// From this cycle on the gripper reports that the held object is gone.
     lost_from: u64,
-    /// What becomes of each finger's frames from a cycle on; after the last letter all are judged.
+    /// What happens to each finger's frames from a cycle on; after the last letter all are judged.
     frames: Vec<(u64, &'static str)>,
     cycles: u64,
 }
@@ -141,12 +141,12 @@ impl Case {
     }
 }
 
-/// What a load may depend on.
+/// The variables that a load may depend on.
 struct Bench {
     cycle: u64,
     turned_rad: f64,
     lowered_mm: f64,
-    /// The most that friction carries, N per finger.
+    /// Maximum load that friction carries, N per finger.
     carries_n: f64,
 }
 
@@ -200,19 +200,19 @@ fn row(cycle: u64, shown: &Shown, law_margin: &str, alarms: u32, (rad, mm): (f64
     )
 }
 
-/// A cap that runs for a while and then gets tight.
+/// A cap that turns freely for a while and then becomes tight.
 fn tightens(bench: &Bench) -> Load {
     let around_n = (38.0 * (bench.turned_rad - 0.35)).max(0.4);
     Load { along_n: 0.2, around_n: around_n.min(bench.carries_n), ..Load::default() }
 }
 
-/// A cap on a soft washer: its torque bends over, and never quite stands.
+/// A cap on a soft washer: its torque levels off without ever becoming constant.
 fn tightens_slowly(bench: &Bench) -> Load {
     let around_n = 24.0 * (1.0 - libm::exp(-6.0 * (bench.turned_rad - 0.1).max(0.0)));
     Load { around_n: around_n.min(bench.carries_n), ..Load::default() }
 }
 
-/// A cap that holds until its torque is reached, or for ever.
+/// A cap that holds until its torque is reached, or forever.
 fn opens_at(most_n: f64) -> impl Fn(&Bench) -> Load {
     move |bench| {
         let wanted_n = -60.0 * bench.turned_rad;
@@ -221,7 +221,7 @@ fn opens_at(most_n: f64) -> impl Fn(&Bench) -> Load {
     }
 }
 
-/// A bottle that hangs as soon as it is lifted, and fills.
+/// A bottle that hangs as soon as it is lifted, and is filled.
 fn fills(bench: &Bench) -> Load {
     let hangs = (-bench.lowered_mm / 3.0).clamp(0.0, 1.0);
     let poured_n = 0.03 * bench.cycle.saturating_sub(110).min(160) as f64;
@@ -339,7 +339,7 @@ fn laying_down() {
     snapshot::check("cycles/place.txt", &text);
 }
 
-/// What is made of a force that is commanded to 10, 25, 14 and 40 N, by sensors of all kinds.
+/// Corrected forces for commands of 10, 25, 14 and 40 N, for various sensors.
 #[test]
 fn readings_of_a_force() {
     let mut text =
@@ -374,7 +374,7 @@ fn readings_of_a_force() {
             let bias_n = if bias_n > 8.0 && jaws == Jaws::Holding { 0.0 } else { bias_n };
             let read_n = force_n * gain + bias_n + noise_n * noise.next();
             let state = GripperState {
-                // Some readings come twice, one is none.
+                // Some readings arrive twice, one is missing.
                 time_ns: (cycle - u64::from(cycle % 11 == 3)) * CYCLE_NS,
                 force_n: (cycle != 77).then_some(read_n),
                 force_error_n: error_n,

@@ -1,5 +1,5 @@
-//! A hand, a gripper and a wrist made of numbers: what they feel follows from load, grip and friction; what they say of
-//! it is spoiled as a test wants it.
+//! A numerical model of a hand, a gripper and a wrist: reports follow from load, grip and friction, and are disturbed
+//! as a test requires.
 
 use slipbound::hand::{Mounting, Side};
 use slipbound::monitor::{
@@ -23,22 +23,22 @@ pub struct Load {
     pub pivot_rad: f64,
 }
 
-/// What becomes of a finger's frame, a letter a cycle.
+/// What happens to a finger's frame, one letter per cycle.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Frame {
     Judged,
     Missed,
     Torn,
-    /// The measures of the frame before under a new number.
+    /// The measurements of the previous frame under a new number.
     Frozen,
-    /// The frame before once more.
+    /// The previous frame again.
     Again,
     /// A camera that is 0.15 s behind.
     Late,
-    /// A camera whose clock began anew.
+    /// A camera whose clock was reset.
     NewClock,
     Unsure,
-    /// A finger that knows neither margin nor friction, or no millimetre.
+    /// A finger without margin and friction, or without a pitch in mm.
     NoMargin,
     NoMm,
 }
@@ -60,7 +60,7 @@ impl Frame {
     }
 }
 
-/// Even numbers in -1..1, always the same.
+/// Uniform numbers in -1..1, always the same sequence.
 pub struct Noise(u64);
 
 impl Noise {
@@ -76,7 +76,7 @@ impl Noise {
     }
 }
 
-/// A finger that says what it feels.
+/// A finger that reports its simulated load.
 pub struct Finger {
     pub mounting: Mounting,
     seq: u64,
@@ -91,13 +91,13 @@ impl Finger {
         Finger { mounting, seq: 0, clock_ns: 7_000_000_000 * number, last: None, noise: Noise::new(number), noise_mm }
     }
 
-    /// The report of a cycle; None where no frame came. It holds with `grip_n`, of which friction can carry `mu`.
+    /// The report of a cycle; None where no frame arrives. It grips with `grip_n`, of which friction can carry `mu`.
     pub fn report(&mut self, now_ns: u64, frame: Frame, load: &Load, grip_n: f64, mu: f64) -> Option<SlipReport> {
         self.seq += u64::from(!matches!(frame, Frame::Missed | Frame::Again));
         if frame == Frame::NewClock {
             self.clock_ns += 5_000_000_000;
         }
-        // Its clock is fast by a ten thousandth.
+        // Its clock is fast by one ten-thousandth.
         let time_ns = self.clock_ns + now_ns + now_ns / 10_000;
         let time_ns = Some(if frame == Frame::Late { time_ns.saturating_sub(150_000_000) } else { time_ns });
         let mut report = match (frame, self.last) {
@@ -184,14 +184,14 @@ impl Finger {
     }
 }
 
-/// Jaws and wrist, and what the gripper's force sensor makes of the force.
+/// Jaws and wrist, and the errors of the gripper's force sensor.
 pub struct Plant {
     pub jaws: JawDrive,
     pub wrist: WristDrive,
     pub bias_n: f64,
     pub gain: f64,
     pub noise_n: f64,
-    /// What the jaws hold is gone, or was never there.
+    /// The held object is gone, or was never there.
     pub is_lost: bool,
     pub is_empty: bool,
     told: Option<GripCommand>,
@@ -213,7 +213,7 @@ impl Plant {
         }
     }
 
-    /// Jaws that press with this force at least.
+    /// Jaws with this minimum force.
     pub fn jaws(least_n: f64) -> JawDrive {
         JawDrive::new(JawSettings { stroke_mm: 50.0, least_n, ..JawSettings::default() }).expect("valid")
     }
@@ -234,7 +234,7 @@ impl Plant {
         self.wrist.advance_to(now_ns);
     }
 
-    /// What the gripper and the wrist say.
+    /// The states reported by gripper and wrist.
     pub fn states(&mut self, now_ns: u64) -> (GripperState, WristState) {
         let jaws = match self.told {
             _ if self.is_lost => Jaws::Lost,

@@ -1,6 +1,6 @@
-//! Rust source -> words, `::` and signs; comments, texts, characters, lifetimes and numbers are left out.
+//! Rust source -> words, `::` and signs; skips comments, strings, characters, lifetimes and numbers.
 
-/// A piece of source that says something about paths.
+/// A token that is relevant for paths.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Token {
     Word(String),
@@ -70,7 +70,7 @@ fn after_block_comment(c: &[char], from: usize) -> usize {
     i
 }
 
-/// Behind the text that begins with the quotation mark at `from`.
+/// The position after the string that begins with the quotation mark at `from`.
 fn after_text(c: &[char], from: usize) -> usize {
     let mut i = from + 1;
     while i < c.len() && c[i] != '"' {
@@ -79,7 +79,7 @@ fn after_text(c: &[char], from: usize) -> usize {
     i + 1
 }
 
-/// Behind the raw text whose `#` or quotation mark is at `from`; None when it is a raw word.
+/// The position after the raw string whose `#` or quotation mark is at `from`; None for a raw identifier.
 fn raw_text(c: &[char], from: usize) -> Option<usize> {
     let hashes = c[from..].iter().take_while(|v| **v == '#').count();
     let closed = |i: &usize| c[*i] == '"' && c[i + 1..].iter().take(hashes).filter(|v| **v == '#').count() == hashes;
@@ -87,7 +87,7 @@ fn raw_text(c: &[char], from: usize) -> Option<usize> {
         .then(|| (from + hashes + 1..c.len()).find(closed).map_or(c.len(), |i| i + 1 + hashes))
 }
 
-/// Behind a character or a lifetime.
+/// The position after a character or a lifetime.
 fn after_quote(c: &[char], from: usize) -> usize {
     if c.get(from + 1) == Some(&'\\') {
         return (from + 3..c.len()).find(|&j| c[j] == '\'').map_or(c.len(), |j| j + 1);

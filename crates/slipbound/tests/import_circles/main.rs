@@ -1,12 +1,12 @@
-//! No file of the workspace imports, through any number of others, itself.
+//! No file of the workspace imports itself, directly or through other files.
 //!
 //! ```text
-//!   src/**/*.rs --lex--> use trees, paths in code --resolve through mod and re-exports--> file graph --> circles
+//!   src/**/*.rs --lex--> use trees, paths in code --resolve through mod and re-exports--> file graph --> cycles
 //! ```
-//! What counts: every `use`, and every path with `::` in code, public or private, followed through re-exports to the file
-//! that defines the item. A re-export of a child by its parent is an import as well: it does no harm as long as the child
-//! uses nothing that the parent itself defines. What does not count: `mod` declarations, comments, `#[cfg(test)]` modules,
-//! other crates (cargo allows no circle of crates).
+//! What counts: every `use`, and every path with `::` in code, public or private, followed through re-exports to the
+//! file that defines the item. A re-export of a child by its parent is an import as well: it is harmless as long as the
+//! child uses nothing that the parent itself defines. What does not count: `mod` declarations, comments, `#[cfg(test)]`
+//! modules, other crates (cargo allows no cycle of crates).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -17,7 +17,7 @@ mod modules;
 
 use modules::Modules;
 
-/// Every circle of a crate, one line each: `a -> b (by the path that is used) -> a`.
+/// Every cycle of a crate, one line each: `a -> b (by the path that is used) -> a`.
 fn circles(crate_name: &str) -> Vec<String> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(crate_name).join("src");
     let roots: Vec<PathBuf> = ["lib.rs", "main.rs"].iter().map(|f| folder.join(f)).filter(|f| f.exists()).collect();
@@ -43,7 +43,7 @@ fn describe(modules: &Modules, folder: &Path) -> Vec<String> {
     shortest_circles(modules.imports()).iter().map(line).collect()
 }
 
-/// Of every file that lies on a circle the shortest one through it, each circle once.
+/// For every file on a cycle the shortest cycle through it, each cycle once.
 fn shortest_circles(imports: &BTreeMap<PathBuf, BTreeMap<PathBuf, String>>) -> BTreeSet<Vec<PathBuf>> {
     let mut found = BTreeSet::new();
     for start in imports.keys() {
@@ -108,7 +108,7 @@ fn no_crate_is_forgotten() {
     assert_eq!(names.iter().collect::<Vec<_>>(), ["slipbound", "slipbound-cli", "slipbound-lab", "slipbound-rig"]);
 }
 
-/// The circles of a crate made of these files.
+/// The cycles of a crate made of these files.
 fn circles_of(files: &[(&str, &str)]) -> Vec<String> {
     let files: BTreeMap<PathBuf, String> =
         files.iter().map(|(name, text)| (PathBuf::from(name), (*text).to_string())).collect();

@@ -1,4 +1,4 @@
-//! The modules of a crate: what each defines, imports and names in code, and so which file imports which.
+//! The modules of a crate: what each defines, imports and names in code, and therefore which file imports which.
 
 use super::lexer::{Token, lex};
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,7 +13,7 @@ struct Import {
     path: Vec<String>,
     /// None for a glob.
     name: Option<String>,
-    /// Whether it hands the name on: `pub use`, `pub(crate) use`.
+    /// Whether it is a re-export: `pub use`, `pub(crate) use`.
     public: bool,
 }
 
@@ -26,14 +26,14 @@ struct Module {
     paths: BTreeSet<Vec<String>>,
 }
 
-/// What a path leads to.
+/// The target of a path.
 enum Target {
     Module(ModulePath),
     /// An item, by the file that defines it.
     Item(PathBuf),
 }
 
-/// A re-export of a re-export of ... ends after so many.
+/// Maximum length of a chain of re-exports.
 const LONGEST_CHAIN: usize = 16;
 
 /// All modules of a crate.
@@ -43,7 +43,7 @@ pub struct Modules {
 }
 
 impl Modules {
-    /// Reads a crate from its root file on.
+    /// Reads a crate, starting from its root file.
     pub fn read(root: &Path, read: &dyn Fn(&Path) -> Option<String>) -> Modules {
         let mut modules = Modules { all: BTreeMap::new(), imports: BTreeMap::new() };
         let folder = root.parent().unwrap_or(Path::new(""));
@@ -123,7 +123,7 @@ impl Modules {
     fn file_imports(&self) -> BTreeMap<PathBuf, BTreeMap<PathBuf, String>> {
         let mut imports: BTreeMap<PathBuf, BTreeMap<PathBuf, String>> = BTreeMap::new();
         for (at, module) in &self.all {
-            // Of several ways to a file, one that is more than a re-export says more.
+            // Of several imports of a file, one that is more than a re-export is preferred.
             let used = |public: bool| module.imports.iter().filter(move |i| i.public == public);
             let in_code = module.paths.iter().map(|p| (p, false, ""));
             let private = used(false).map(|i| (&i.path, i.name.is_none(), ""));
@@ -146,7 +146,7 @@ impl Modules {
         imports
     }
 
-    /// What a path, written in a module, leads to; None for another crate's.
+    /// The target of a path written in a module; None for a path of another crate.
     fn resolve(&self, from: &ModulePath, path: &[String], chain: usize) -> Option<Target> {
         let (first, mut rest) = path.split_first()?;
         let mut target = match first.as_str() {
@@ -165,7 +165,8 @@ impl Modules {
         Some(target)
     }
 
-    /// What a name means in a module. A function may have the name of a module: the last name of a path is rather it.
+    /// The meaning of a name in a module. A function may have the name of a module: the last name of a path is taken as
+    /// the function.
     fn look_up(&self, at: &ModulePath, name: &str, last: bool, chain: usize) -> Option<Target> {
         let module = self.all.get(at)?;
         let chain = chain.checked_sub(1)?;
@@ -192,7 +193,7 @@ fn word(t: &[Token], i: usize) -> String {
     if let Some(Token::Word(w)) = t.get(i) { w.clone() } else { String::new() }
 }
 
-/// Behind the last word of the path that begins at `from`.
+/// The position after the last word of the path that begins at `from`.
 fn end_of_path(t: &[Token], from: usize) -> usize {
     let mut end = from + 1;
     while let [Token::Into, Token::Word(_), ..] = t[end..] {
@@ -223,7 +224,7 @@ fn is_test_attribute(t: &[Token]) -> bool {
     words == ["cfg", "test"]
 }
 
-/// Behind the item that the attribute at `from` belongs to.
+/// The position after the item that the attribute at `from` belongs to.
 fn after_item(t: &[Token], from: usize) -> usize {
     let mut i = from;
     let mut is_use = false;
@@ -241,7 +242,7 @@ fn after_item(t: &[Token], from: usize) -> usize {
     i
 }
 
-/// Reads one tree of a `use` after what leads to it; returns the place behind it.
+/// Parses one tree of a `use` after its prefix; returns the position after it.
 fn parse_use(t: &[Token], from: usize, path: &mut Vec<String>, imports: &mut Vec<Import>) -> usize {
     let (known, mut i) = (path.len(), from);
     let mut name = None;
@@ -275,7 +276,7 @@ fn parse_use(t: &[Token], from: usize, path: &mut Vec<String>, imports: &mut Vec
         }
     }
     if path.len() > known {
-        // `{self, ...}` names what leads to it.
+        // `{self, ...}` names the prefix itself.
         if known > 0 && path[known..] == ["self"] {
             path.truncate(known);
         }

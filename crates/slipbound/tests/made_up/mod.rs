@@ -1,4 +1,4 @@
-//! Hands and grippers that are what a test says they are.
+//! Synthetic hand reports and gripper states.
 #![allow(dead_code)] // each test uses its part
 
 use slipbound::hand::{FINGERS_MOST, HandReport, HandSlip, HandVector, Health};
@@ -31,7 +31,7 @@ pub fn hand(state: SlipState) -> HandReport {
         slip,
         margin: None,
         margins_count: 0,
-        // Of which the law `margin` uses 0.65.
+        // The law `margin` uses 0.65 of it.
         friction: Some(0.5),
         cut_fraction: 0.0,
     }

@@ -1,4 +1,4 @@
-//! Markers at the camera's border in a rectified picture that goes on beyond it.
+//! Markers at the camera's border in a rectified image that extends beyond it.
 
 use crate::picture::{Painter, frame};
 use slipbound::image::SizePx;
@@ -8,10 +8,10 @@ use slipbound::sensor::{Polarity, Rectification, Sensor, Skin};
 
 const SIZE: SizePx = SizePx::new(640, 480);
 
-/// The rectified picture begins so far beyond the camera's left border, px.
+/// Extent of the rectified image beyond the camera's left border, px.
 const BEYOND_PX: f64 = 18.0;
 
-/// A finger whose first column of dots, of 14 px, is so far from the left border of the camera.
+/// A finger whose first column of dots, of 14 px, is this far from the left border of the camera image.
 fn finger(inset_px: f64, skin: Skin, is_bright: bool) -> Painter {
     let painter = Painter::new(SIZE, 40.0, 14.0, skin, 0.0, 4);
     let first_px = painter.rest.iter().map(|p| p.x).fold(f64::MAX, f64::min);

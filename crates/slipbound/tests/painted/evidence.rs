@@ -1,4 +1,4 @@
-//! Evidence of sliding: what an imprint and the markers say when both move together, and when one of them goes on alone.
+//! Evidence of sliding: imprint and markers when both move together, and when only one of them moves.
 
 use crate::picture::{Painter, Touch, frame};
 use slipbound::image::SizePx;
@@ -32,7 +32,7 @@ fn judge(
             let (object_px, gel_px) = (object(n) * pitch_px, gel(n) * pitch_px);
             let radii_px = Vec2::new(95.0, 75.0) * scale;
             let touch = Touch { centre: middle + Vec2::new(object_px, 0.0), radii_px, strength_levels: 40.0 };
-            // The gel goes along around the contact, less the further away.
+            // The gel around the contact is dragged along, less with distance.
             let moved = |&p: &Vec2| {
                 let away = (p - middle) / (170.0 * scale);
                 p + Vec2::new(gel_px * libm::exp(-away.length_squared().powi(2)), 0.0)
@@ -48,7 +48,8 @@ fn evidence(report: &SlipReport) -> EvidenceReport {
     report.evidence.expect("evidence of a settled contact")
 }
 
-/// Whether the imprint goes on over the gel. The state `gross` needs estimates to agree, which know nothing of painted gels.
+/// Whether the imprint slides over the gel. The state `gross` also needs the estimates, which are not valid for painted
+/// gels.
 fn slides(report: &SlipReport) -> bool {
     report.evidence.is_some_and(|evidence| evidence.slides)
 }
@@ -58,7 +59,7 @@ fn shear(i: usize) -> f64 {
     0.05 * i.min(10) as f64
 }
 
-/// Goes on beyond that.
+/// Continues to move after that.
 fn slide(i: usize) -> f64 {
     0.05 * i as f64
 }
@@ -84,8 +85,8 @@ fn an_imprint_that_goes_on_without_them_slides() {
         let held = reports[first..].iter().filter(|r| slides(r)).count();
         assert!(20 * held >= 19 * (reports.len() - first), "{skin:?}: kept in {held} of {}", reports.len() - first);
         let last = evidence(&reports[reports.len() - 1]);
-        // 30 frames of 0.05 pitch over the gel. A plain dome in noise has few edges to register: it is underrated, as noise in
-        // a slope always makes it.
+        // 30 frames of 0.05 pitch over the gel. A plain dome in noise has few edges to register: its motion is
+        // underestimated, the usual bias of noise on a slope.
         let slid_pitch = last.slide_px.x / 26.0;
         assert!((0.75..2.1).contains(&slid_pitch), "{skin:?}: {slid_pitch} pitches of 1.5");
     }

@@ -1,4 +1,4 @@
-//! How exact the markers are, on painted fingers whose truth is known.
+//! Accuracy of the markers on painted fingers with known ground truth.
 
 use crate::picture::{Painter, Random, frame};
 use slipbound::image::SizePx;
@@ -73,7 +73,7 @@ fn bright_dots_are_found_like_dark_ones() {
     assert!(rms_px <= 0.05, "{rms_px} px");
 }
 
-/// Rectifying pixels rather than points costs a twentieth of the exactness.
+/// Rectifying pixels instead of points costs a twentieth of the accuracy.
 #[test]
 fn rectified_markers_are_as_exact_as_those_of_a_straight_view() {
     for (diameter_px, pitch_px) in [(5.6, 15.2), (8.0, 23.0), (12.0, 40.0)] {
@@ -85,7 +85,7 @@ fn rectified_markers_are_as_exact_as_those_of_a_straight_view() {
 }
 
 /// The Cramer-Rao bound per axis for a dot of this shape in white noise of this strength: no unbiased estimator is
-/// better. The light around the dot is taken as known; JPEG, which comes after the noise, cannot lower the bound.
+/// better. The light around the dot is assumed known; JPEG, which is applied after the noise, cannot lower the bound.
 fn cramer_rao_px(painter: &Painter) -> f64 {
     let noise_levels = painter.noise_levels;
     let mut information = 0.0;

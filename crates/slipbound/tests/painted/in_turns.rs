@@ -1,4 +1,5 @@
-//! A camera at 90 Hz, whose markers are searched in every third frame, or in every fifth while none is missing, and followed in the others.
+//! A camera at 90 Hz: markers are searched in every third frame, or in every fifth while none is missing, and tracked
+//! in the others.
 
 use crate::picture::{Painter, Touch, frame};
 use slipbound::image::{Frame, SizePx};
@@ -11,7 +12,7 @@ const SIZE: SizePx = SizePx::new(320, 240);
 const PITCH_PX: f64 = 16.0;
 const PRESSED_FRAMES: u64 = 18;
 
-/// A pressed finger whose markers in the contact are then where `shift` says, frame by frame, at 90 Hz.
+/// A pressed finger at 90 Hz whose markers in the contact are moved as given, frame by frame.
 struct Pressed {
     painter: Painter,
     touch: Touch,
@@ -64,7 +65,7 @@ fn markers_that_are_followed_are_as_exact_as_those_that_are_searched() {
     for skin in [Skin::Smooth, Skin::Fabric] {
         let mut pressed = Pressed::new(skin);
         for i in 0..24 {
-            // Faster and faster, then to and fro.
+            // Accelerates, then oscillates.
             let way_px = if i < 12 { 0.06 * f64::from(i * i) } else { 8.6 + 1.8 * f64::from(i % 2) };
             let dots = pressed.moved(Vec2::new(0.8, -0.6) * way_px);
             pressed.show(&dots);
@@ -74,7 +75,7 @@ fn markers_that_are_followed_are_as_exact_as_those_that_are_searched() {
     }
 }
 
-/// A pressed finger of each skin, the next of whose frames is the first, the second or the third of its turns.
+/// A pressed finger of each skin whose next frame is the first, second or third of the search schedule.
 fn before_each_turn() -> impl Iterator<Item = (String, Pressed)> {
     [Skin::Smooth, Skin::Fabric].into_iter().flat_map(|skin| [0, 1, 2].map(|later| (skin, later))).map(
         |(skin, later)| {
@@ -111,7 +112,7 @@ fn dots_that_vanish_between_two_searches_are_lost_at_once() {
 
 #[test]
 fn a_marker_that_shows_again_is_found_as_soon_as_in_every_frame_of_a_slow_camera() {
-    // Of a camera at 30 Hz the next frame would be the fourth.
+    // The next frame of a camera at 30 Hz would be the fourth.
     for hidden_frames in 4..10 {
         let mut pressed = Pressed::new(Skin::Smooth);
         let dots = pressed.moved(Vec2::ZERO);
@@ -153,7 +154,7 @@ fn the_imprint_is_looked_at_in_every_third_frame_and_its_age_is_told() {
         .map(|evidence| evidence.imprint_age_frames)
         .collect();
     assert!(ages.windows(2).all(|pair| pair[1] == 0 || pair[1] == pair[0] + 1), "{ages:?}");
-    // It waits for a frame more where markers are searched.
+    // It waits one frame longer where markers are searched.
     let looks = ages.iter().filter(|age| **age == 0).count();
     assert!(ages.iter().all(|age| *age <= 3) && (9..=10).contains(&looks), "{ages:?}");
 }

@@ -1,5 +1,5 @@
-//! What the monitor measures on painted fingers, whose truth is known. One program: in each part one test takes most of the time, and
-//! they run side by side.
+//! Measurements of the monitor on painted fingers with known ground truth. One binary: each part has one test that
+//! takes most of the time, and these run in parallel.
 #![allow(clippy::disallowed_macros)] // tests print what they measured
 
 mod borders;

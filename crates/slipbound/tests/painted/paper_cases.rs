@@ -1,4 +1,4 @@
-//! The cases the paper draws, on painted fingers: what sticks has no slip, what lags at the rim has it there.
+//! The cases drawn in the paper, on painted fingers: no slip where it sticks, slip at the rim where the rim lags.
 
 use crate::picture::{Painter, Touch, frame};
 use slipbound::image::SizePx;
@@ -19,7 +19,7 @@ fn touch() -> Touch {
 }
 
 fn monitor(painter: &Painter) -> SlipMonitor {
-    // Markers decide: the painted fields follow no physics of a contact.
+    // Markers decide, because the painted fields follow no contact physics.
     let settings = Settings::default().with(|s| s.slip.rule = SlipRule::Markers);
     let mut builder = RestBuilder::new(&painter.sensor, &settings, SIZE).expect("valid");
     for i in 0..10 {
@@ -28,7 +28,7 @@ fn monitor(painter: &Painter) -> SlipMonitor {
     SlipMonitor::new(&painter.sensor, &settings, builder.build(RestKind::Unloaded).expect("markers")).expect("valid")
 }
 
-/// Presses, then moves in `frames` steps; the report and truth of every moving frame are shown to `see`.
+/// Presses, then moves in `frames` steps; passes report and truth of every moving frame to `see`.
 fn play(
     painter: &Painter,
     monitor: &mut SlipMonitor,
@@ -77,7 +77,8 @@ fn a_rigidly_moved_imprint_has_no_slip_over_a_pitch_and_a_half_and_15_deg() {
                 for m in monitor.markers().iter().filter(|m| m.matched) {
                     let there = truth.apply(m.rest);
                     let off = (m.now - there).length();
-                    // A marker cut by the border is placed by its neighbours: within a tenth of the pitch.
+                    // The position of a marker cut by the border follows from its neighbours: within a tenth of the
+                    // pitch.
                     let cut = there.x < 6.0 || there.y < 6.0 || there.x > 633.0 || there.y > 473.0;
                     let most = if cut { 0.1 * PITCH_PX } else { 0.4 };
                     assert!(off < most, "{skin:?}, frame {}, marker {} at {there:?}: {off} px off", report.seq, m.id);
@@ -149,7 +150,7 @@ fn a_rim_that_lags_0_6_mm_slips_exactly_there_and_0_3_mm_nowhere() {
     assert_eq!(report.slip.kind, Some(SlipKind::Translation));
     assert!(markers.iter().filter(|m| m.1).count() > 20, "a rim of {} markers", markers.len());
     for (id, lags, over) in &markers {
-        // At the first alarm the lag has just passed the threshold: none but the rim, and nearly all of it.
+        // At the first alarm the lag has just passed the threshold: only rim markers slip, and nearly all of them.
         assert!(*lags || !over, "marker {id} moves with the object and is called slipping");
     }
     let direction_rad = report.slip.direction_rad.expect("a translation");
@@ -165,7 +166,7 @@ fn the_whole_lag_at_once_marks_the_whole_rim() {
     let mut monitor = monitor(&painter);
     let lag_px = 0.6 / 1.5 * PITCH_PX;
     let at_rim = |p: Vec2| touch().depth(p) > 0.72;
-    // The object jumps in one frame (0.48 pitch); until then it rests.
+    // The object jumps in one frame (0.48 pitch); until then it is at rest.
     let jump = |share: f64| if share > 0.9 { Vec2::new(1.2 * lag_px, 0.0) } else { Vec2::ZERO };
     let now = |p: Vec2, share: f64| if at_rim(p) { p + jump(share) / 6.0 } else { p + jump(share) };
     let mut marked = Vec::new();

@@ -1,4 +1,5 @@
-//! Frame rates, clocks and readings other than those of a camera at 30 Hz: the same press and pull are told alike.
+//! Frame rates, clocks and readings other than those of a camera at 30 Hz: the same press and pull give the same
+//! estimates.
 
 use crate::picture::{Painter, Touch, frame};
 use slipbound::image::{Frame, SizePx};
@@ -111,7 +112,7 @@ fn a_reading_of_the_grip_that_is_missing_changes_nothing() {
         let [whole_margin, whole_stick] = [whole.margin, whole.stick_ratio].map(|told| told.expect("told").value);
         assert!((margin - whole_margin).abs() < 0.02 && (stick - whole_stick).abs() < 0.02, "{holes:?} {whole:?}");
     }
-    // Half a second without: the picture alone tells, until there are readings again.
+    // Half a second without readings: the estimates come from the image alone until readings return.
     let silent = told(&|i| i > 70);
     assert_eq!(silent.friction, None, "{silent:?}");
 }

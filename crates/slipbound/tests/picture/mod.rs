@@ -1,12 +1,12 @@
-//! Pictures of a finger whose truth is known: dots where they are told to be, a patch of contact, noise, JPEG.
-//! A painter, not a simulator: what moves how is up to the test.
+//! Images of a finger with known ground truth: dots at given positions, a contact patch, noise, JPEG. A painter, not a
+//! simulator: the test defines all motion.
 #![allow(dead_code)] // each test uses its part
 
 use slipbound::image::{Frame, Pixels, Rgb, SizePx};
 use slipbound::plane::Vec2;
 use slipbound::sensor::{EdgeBand, Flip, Polarity, Sensor, Skin};
 
-/// Random numbers of a seed: xorshift64*, and a normal distribution by the sum of twelve.
+/// Random numbers from a seed: xorshift64*, and a normal distribution by the sum of twelve.
 pub struct Random(u64);
 
 impl Random {
@@ -14,7 +14,7 @@ impl Random {
         Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
     }
 
-    /// Even in 0..1.
+    /// Uniform in 0..1.
     pub fn even(&mut self) -> f64 {
         self.0 ^= self.0 >> 12;
         self.0 ^= self.0 << 25;
@@ -44,7 +44,7 @@ impl Touch {
     }
 }
 
-/// How a finger is painted.
+/// Parameters of a painted finger.
 #[derive(Clone)]
 pub struct Painter {
     pub sensor: Sensor,
@@ -57,7 +57,7 @@ pub struct Painter {
 }
 
 impl Painter {
-    /// A finger with a grid of dots, each up to `jitter_px` off it.
+    /// A finger with a grid of dots, each displaced by up to `jitter_px`.
     pub fn new(size: SizePx, pitch_px: f64, diameter_px: f64, skin: Skin, jitter_px: f64, seed: u64) -> Self {
         let mut random = Random::new(seed);
         let margin = 0.75 * pitch_px;
@@ -101,7 +101,7 @@ impl Painter {
         )
     }
 
-    /// The picture without noise: light, contact, dots; levels of red, green and blue.
+    /// The image without noise: light, contact, dots; levels of red, green and blue.
     pub fn ideal(&self, now: &[Vec2], touch: Option<&Touch>) -> Vec<[f32; 3]> {
         let size = self.sensor.image_px;
         let (w, h) = (size.width as f64, size.height as f64);
@@ -131,13 +131,13 @@ impl Painter {
         out
     }
 
-    /// The picture a camera would deliver: noise of a seed, then JPEG.
+    /// The image a camera would deliver: noise from a seed, then JPEG.
     pub fn paint(&self, now: &[Vec2], touch: Option<&Touch>, seed: u64) -> Vec<u8> {
         let mut random = Random::new(seed.wrapping_add(77));
         let size = self.sensor.image_px;
         let mut rgb: Vec<u8> = Vec::with_capacity(3 * size.area());
         for levels in self.ideal(now, touch) {
-            // The same noise in all three channels, so that the grey picture has just this much.
+            // The same noise in all three channels, so that the grey image has exactly this noise.
             let noise = random.normal() * self.noise_levels;
             rgb.extend(levels.map(|v| (f64::from(v) + noise).round().clamp(0.0, 255.0) as u8));
         }
@@ -147,7 +147,7 @@ impl Painter {
         }
     }
 
-    /// The places of the dots at rest.
+    /// The positions of the dots at rest.
     pub fn at_rest(&self) -> Vec<Vec2> {
         self.rest.clone()
     }
@@ -157,7 +157,7 @@ impl Painter {
 fn touch_up(rgb: &mut [f64; 3], touch: &Touch, p: Vec2, skin: Skin, pitch_px: f64) {
     let depth = touch.depth(p);
     let k = touch.strength_levels;
-    // To the last bit, and most of the picture: erfc is exactly 2 below -6, and nothing is left of it above 6.
+    // Exact to the last bit, and skips most of the image: erfc is exactly 2 below -6, and negligible above 6.
     let inside =
         if (0.5..1.5).contains(&depth) { 0.5 * libm::erfc((depth - 1.0) * 12.0) } else { f64::from(depth < 0.5) };
     if inside < 1e-4 {

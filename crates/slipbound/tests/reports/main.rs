@@ -1,12 +1,12 @@
-//! Reports of whole motion profiles on made-up fingers, to the last bit, as tables beside this file: an arithmetic slip anywhere
-//! between picture and report shows there. A change that is meant is written anew by
+//! Reports of whole motion profiles on synthetic fingers, to the last bit, as tables beside this file: they detect any
+//! change of arithmetic between image and report. After an intended change regenerate them with
 //!
 //! ```text
 //! REGENERATE=1 cargo test -p slipbound --test reports --test cycles
 //! ```
 //!
-//! Look at the difference before you commit it: the columns say what has changed. Where only the checksums did, it is
-//! something below the last digit or without a column (a marker, a feature).
+//! Review the difference before you commit it: the columns show what has changed. If only the checksums changed, the
+//! change is below the last digit or in a value without a column (a marker, a feature).
 
 mod motion_profile;
 #[path = "../picture/mod.rs"]
@@ -28,15 +28,15 @@ const SIZE: SizePx = SizePx::new(320, 240);
 const PITCH_PX: f64 = 18.0;
 const FRAME_NS: u64 = 33_333_333;
 
-/// A finger and what is known of it.
+/// A finger and its known properties.
 struct Finger {
     painter: Painter,
     settings: Settings,
     knows_grip: bool,
     has_times: bool,
-    /// Whether the picture shows a contact, or the markers alone.
+    /// Whether the image shows a contact, or only the markers do.
     shows_contact: bool,
-    /// Poses in which it is looked at for its rest frame.
+    /// Poses of the frames for its rest frame.
     first: Vec<Pose>,
 }
 
@@ -50,7 +50,7 @@ impl Finger {
         painter.jpeg_quality = None;
         painter.noise_levels = 2.0;
         painter.sensor.shear = Some(Shear { stiffness_n_per_pitch: 0.32, provenance: "made up by the tests".into() });
-        // Two frames on the way are passed over.
+        // Two frames of the motion are skipped.
         let moving = Pose { press: 1.0, size: 0.8, grip_n: 5.0, ..Pose::OPEN };
         let first = vec![moving, Pose::OPEN, Pose::OPEN, Pose::OPEN, Pose::OPEN];
         let settings = Settings::default();
@@ -97,7 +97,7 @@ impl Finger {
         text
     }
 
-    /// Its monitor after the first frames, and what was said of them.
+    /// Its monitor after the first frames, and a description of the rest frame.
     fn at_rest(&self) -> (SlipMonitor, String) {
         let mut builder = RestBuilder::new(&self.painter.sensor, &self.settings, SIZE).expect("valid");
         let shown =
@@ -133,8 +133,8 @@ impl Finger {
     }
 }
 
-/// Pressed, sheared, turned, gripped harder, rolled, until the rim lags and the object slides; then all that goes wrong
-/// with frames, and contacts of other sizes.
+/// Pressed, sheared, turned, gripped harder, rolled, until the rim lags and the object slides; then all kinds of frame
+/// faults, and contacts of other sizes.
 fn whole_profile() -> MotionProfile {
     pressed(MotionProfile::from(Pose::OPEN).stay("open", 4))
         .go("shear", 10, |p| (p.object, p.lag) = (Vec2::new(4.0, 1.6), 0.15))
@@ -184,7 +184,7 @@ fn a_fabric_skin_whose_grip_is_known() {
     snapshot::check("reports/fabric.txt", &Finger::new(Skin::Fabric, 2).table(&whole_profile()));
 }
 
-/// Seen askance and mirrored both ways, with a damaged corner; neither grip nor pitch in mm nor times are known.
+/// Oblique view, mirrored both ways, with a damaged corner; grip, pitch in mm and times are unknown.
 #[test]
 fn a_rectified_finger_of_which_little_is_known() {
     let homography = Homography([[0.97, 0.06, 10.0], [-0.05, 0.98, 14.0], [4.0e-5, -9.0e-5, 1.0]]);
@@ -227,7 +227,7 @@ fn fingers_that_are_touched_when_they_are_first_seen() {
     }
 }
 
-/// A flat face over the whole pad: the picture shows no contact, the markers do.
+/// A flat face over the whole pad: the image shows no contact, only the markers do.
 #[test]
 fn a_contact_that_only_displacement_shows() {
     let finger = Finger { shows_contact: false, first: vec![Pose::OPEN; 3], ..Finger::new(Skin::Smooth, 7) };
@@ -235,7 +235,7 @@ fn a_contact_that_only_displacement_shows() {
     snapshot::check("reports/displaced.txt", &finger.table(&short_profile(profile)));
 }
 
-/// Contacts of two markers and of some more: the fewest that say anything.
+/// Contacts of two markers and slightly more: the fewest that can be evaluated.
 #[test]
 fn contacts_of_few_markers() {
     let finger = Finger { first: vec![Pose::OPEN; 3], ..Finger::with_pitch(38.0, Skin::Smooth, 8) };

@@ -1,4 +1,4 @@
-//! What the finger of a table goes through: poses of object and gel, frame by frame, and what a camera makes of them.
+//! Motion of the finger in a table: poses of object and gel, frame by frame, and the resulting camera images.
 
 use crate::picture::{Painter, Touch};
 use slipbound::plane::Vec2;
@@ -7,20 +7,20 @@ use slipbound::sensor::{Flip, Skin};
 /// Object and gel in a frame. Lengths in px of the camera.
 #[derive(Clone, Copy)]
 pub struct Pose {
-    /// 0 nothing touches, 1 pressed.
+    /// 0 no contact, 1 pressed.
     pub press: f64,
-    /// Radius of the contact over the usual one.
+    /// Radius of the contact relative to the usual one.
     pub size: f64,
-    /// How far the object has moved, and by how much of it the gel has not gone along.
+    /// Displacement of the object, and the part of it that the gel has not followed.
     pub object: Vec2,
     pub slid: Vec2,
     pub turn_rad: f64,
     /// Share by which the rim of the contact lags behind its middle.
     pub lag: f64,
-    /// How far the contact has gone over the gel while neither slides.
+    /// Displacement of the contact over the gel by rolling, without sliding.
     pub rolled: Vec2,
     pub grip_n: f64,
-    /// Brightness over that at rest.
+    /// Brightness relative to that at rest.
     pub light: f64,
 }
 
@@ -37,7 +37,7 @@ impl Pose {
         light: 1.0,
     };
 
-    /// A share of the way to another pose.
+    /// Interpolates towards another pose.
     fn towards(self, to: Pose, share: f64) -> Pose {
         let number = |a: f64, b: f64| a + share * (b - a);
         let place = |a: Vec2, b: Vec2| a + (b - a) * share;
@@ -55,17 +55,17 @@ impl Pose {
     }
 }
 
-/// What becomes of a frame.
+/// What happens to a frame.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Arrives {
     Whole,
     Torn,
     Dark,
-    /// With a row too few.
+    /// With one row missing.
     Cropped,
-    /// The frame before once more.
+    /// The previous frame again.
     Again,
-    /// After so many that were missed.
+    /// After this many missed frames.
     After(u64),
 }
 
@@ -88,7 +88,7 @@ impl MotionProfile {
         MotionProfile { steps: Vec::new(), pose }
     }
 
-    /// Goes on to another pose in so many frames.
+    /// Moves to another pose in this many frames.
     pub fn go(mut self, part: &'static str, frames: usize, change: impl FnOnce(&mut Pose)) -> Self {
         let (from, mut to) = (self.pose, self.pose);
         change(&mut to);
@@ -104,7 +104,7 @@ impl MotionProfile {
         self.go(part, frames, |_| ())
     }
 
-    /// A frame of the pose as it is, to which this happens.
+    /// Adds a frame of the present pose with this event.
     pub fn meet(mut self, part: &'static str, arrives: Arrives) -> Self {
         self.steps.push(ProfileStep { part, pose: self.pose, arrives });
         self
@@ -115,7 +115,7 @@ impl MotionProfile {
 const RADII_PITCH: Vec2 = Vec2::new(4.1, 3.3);
 const TEXTURE_LEVELS: f64 = 9.0;
 
-/// The gel in a pose: where a point of it at rest has gone.
+/// The position, in this pose, of a gel point given at rest.
 pub fn moved(painter: &Painter, pose: &Pose, rest: Vec2) -> Vec2 {
     let touch = touch(painter, pose);
     let arm = rest - touch.centre + pose.object;
@@ -135,7 +135,7 @@ fn touch(painter: &Painter, pose: &Pose) -> Touch {
     Touch { centre: middle + pose.rolled + pose.object, radii_px, strength_levels: 34.0 * pose.press }
 }
 
-/// The picture that the camera delivers: painted, the object textured, lit, noisy, mirrored as this camera does.
+/// The image that the camera delivers: painted, with object texture, light, noise, and this camera's mirroring.
 pub fn picture(painter: &Painter, pose: &Pose, shown: bool, seed: u64) -> Vec<u8> {
     let now: Vec<Vec2> = painter.rest.iter().map(|&p| moved(painter, pose, p)).collect();
     let touch = touch(painter, pose);
@@ -148,7 +148,7 @@ pub fn picture(painter: &Painter, pose: &Pose, shown: bool, seed: u64) -> Vec<u8
         random ^= random >> 12;
         random ^= random << 25;
         random ^= random >> 27;
-        // Even noise, the same in all three channels.
+        // Uniform noise, the same in all three channels.
         let mut added = painter.noise_levels * ((random >> 40) as f64 / (1u64 << 23) as f64 - 1.0);
         let p = Vec2::new((i % width) as f64, (i / width) as f64);
         if textured && touch.depth(p) < 1.0 {

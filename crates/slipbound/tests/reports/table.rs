@@ -1,4 +1,4 @@
-//! A report as a row, and a checksum of all that has no room there.
+//! A report as a table row, and a checksum of everything without a column.
 
 use crate::motion_profile::ProfileStep;
 use crate::snapshot::Checksum;
@@ -16,7 +16,7 @@ pub fn titles() -> String {
     format!("{TITLES}\n")
 }
 
-/// Adds everything that is known after a frame but the regions.
+/// Adds everything known after a frame except the regions.
 pub fn add(sum: &mut Checksum, report: &SlipReport, monitor: &SlipMonitor) {
     sum.add(&serde_json::to_vec(report).expect("data"));
     for m in monitor.markers() {
@@ -30,7 +30,7 @@ pub fn add(sum: &mut Checksum, report: &SlipReport, monitor: &SlipMonitor) {
     numbers.for_each(|number| sum.add(&number.to_bits().to_le_bytes()));
 }
 
-/// Adds where the contact and its inner region are.
+/// Adds the contact region and its inner region.
 pub fn add_regions(sum: &mut Checksum, monitor: &SlipMonitor) {
     let inner = monitor.inner_region();
     for region in [monitor.contact_region(), &inner] {

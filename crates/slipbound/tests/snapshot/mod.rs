@@ -1,9 +1,9 @@
-//! Tables kept as text beside the tests: compared line by line, written anew with REGENERATE=1.
+//! Tables kept as text beside the tests: compared line by line, regenerated with REGENERATE=1.
 
 use std::fs;
 use std::path::Path;
 
-/// Compares a table with the file of this name in the tests' folder, which `REGENERATE=1` writes anew.
+/// Compares a table with the file of this name in the tests' folder, which `REGENERATE=1` rewrites.
 pub fn check(name: &str, table: &str) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests").join(name);
     if std::env::var_os("REGENERATE").is_some() {
@@ -21,7 +21,7 @@ pub fn check(name: &str, table: &str) {
     assert!(differing.is_empty(), "{name}: {} lines differ, the first:\n{}", differing.len(), shown.join("\n"));
 }
 
-/// FNV-1a over everything that was added: what a table has no room for cannot change unseen either.
+/// FNV-1a over everything that was added: values without a column cannot change unnoticed either.
 pub struct Checksum(u64);
 
 impl Checksum {
@@ -35,7 +35,7 @@ impl Checksum {
         }
     }
 
-    /// In eight digits.
+    /// As eight digits.
     pub fn shown(&self) -> String {
         format!("{:08x}", (self.0 ^ (self.0 >> 32)) as u32)
     }

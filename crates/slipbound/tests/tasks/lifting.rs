@@ -1,4 +1,4 @@
-//! Something is lifted and held up: it begins with a hold, and what is not felt does not count.
+//! Lifting and holding: it begins with a grasp, and time without contact does not count.
 
 use crate::made_up::{gripper, hand};
 use slipbound::hand::HandReport;
@@ -6,7 +6,7 @@ use slipbound::monitor::SlipState;
 use slipbound::port::{GripperState, Jaws, WristMotion, WristState};
 use slipbound::task::{Ending, Observation, Phase, TaskKind, TaskSettings};
 
-/// The hand, the gripper and what it does at a time in ms, shown to a lift every `period_ms`; the phase and force of each.
+/// Hand and gripper at a time in ms, passed to a lift every `period_ms`; the phase and force of each step.
 fn lift_with(
     settings: &TaskSettings,
     (period_ms, longest_ms): (u64, u64),
@@ -51,13 +51,14 @@ fn blind_fingers_never_begin_to_lift_and_a_hold_that_is_not_seen_does_not_count(
     let told = run(|ms| !(500..3000).contains(&ms));
     let began_ms = first_ms(&told, |phase| phase == Phase::Working).expect("it begins");
     assert!((3200..3400).contains(&began_ms), "0.2 s after the cameras are back: {began_ms} ms");
-    // Blind for 5 s while it is held up: the hold lasts 5 s longer.
+    // Blind for 5 s while it is held up: the hold takes 5 s longer.
     let ended = |told: &[(u64, Phase, f64)]| first_ms(told, |phase| phase == Phase::Ended(Ending::Held)).expect("held");
     let (seen_ms, unseen_ms) = (ended(&run(|_| true)), ended(&run(|ms| !(2500..7500).contains(&ms))));
     assert!((4960..=5040).contains(&(unseen_ms - seen_ms)), "{seen_ms} ms and {unseen_ms} ms");
 }
 
-/// It is held up from 2 s on; then the gripper's link is lost for 5 s, in which the task is not stepped, or it falls out of the jaws.
+/// It is held up from 2 s on; then the gripper's link is lost for 5 s, in which the task is not stepped, or the object
+/// falls.
 #[test]
 fn a_hold_counts_what_was_felt_and_an_object_that_fell_was_not_held() {
     let mut settings = TaskSettings::default();
@@ -92,7 +93,7 @@ fn a_hold_counts_what_was_felt_and_an_object_that_fell_was_not_held() {
     }
 }
 
-/// 6 % high, 1 N off, 1.5 N of noise: the gripper holds, the fingers feel it, and that is believed.
+/// 6 % high, 1 N off, 1.5 N of noise: the gripper holds and the fingers feel it, which is sufficient.
 #[test]
 fn a_grasp_is_believed_though_the_force_reads_otherwise() {
     let noise = |ms: u64| ((ms * ms * 2_654_435_761 % 1024) as f64 / 1024.0 - 0.5) * 5.2;

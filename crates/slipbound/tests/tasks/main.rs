@@ -1,4 +1,4 @@
-//! Tasks against made-up hands: endings on evidence, beginnings with a hold, nothing let go.
+//! Tasks against synthetic hand reports: end on evidence, begin with a grasp, never drop the object.
 
 mod lifting;
 #[path = "../made_up/mod.rs"]
@@ -23,7 +23,7 @@ fn an_empty_gripper_ends_the_task() {
     assert_eq!(step.wrist.motion, WristMotion::Pause);
 }
 
-/// What is held but not felt is not lifted, and what is missing is said.
+/// An object that is held but not felt is not lifted, and the missing condition is reported.
 #[test]
 fn a_task_that_cannot_begin_says_what_it_waits_for() {
     for (state, jaws, missing) in [
@@ -58,7 +58,7 @@ fn windows_that_can_never_fill_are_refused() {
     }
 }
 
-/// What a task goes by, a finger must tell; a lift goes by slip.
+/// A finger must measure what a task needs; a lift needs only slip.
 #[test]
 fn a_task_that_goes_by_shear_wants_a_finger_that_tells_it_in_mm() {
     let settings = TaskSettings::default();

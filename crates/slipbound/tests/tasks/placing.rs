@@ -1,4 +1,4 @@
-//! A tool is laid down: the ground is felt, and nothing is let go that nothing carries.
+//! Laying a tool down: the ground is felt, and nothing is released before the ground carries it.
 
 use crate::made_up::{FRAME_NS, gripper, hand};
 use slipbound::hand::{HandReport, HandSlip, HandVector, Health};
@@ -6,7 +6,7 @@ use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};
 use slipbound::task::{Ending, Observation, Phase, TaskKind, TaskSettings};
 
-/// A tool is lowered, touches and turns; its grip is to be loosened. `follows`: whether the gripper does that.
+/// A tool is lowered, touches and turns; its grip should be loosened. `follows`: whether the gripper does so.
 fn laid_down(follows: bool) -> (Option<Ending>, bool) {
     let mut task = TaskSettings::default().task(TaskKind::Place, Some(0.05)).expect("valid");
     let (mut force_n, mut lowered_mm, mut released) = (10.0, 0.0, false);
@@ -44,7 +44,7 @@ fn a_gripper_that_does_not_loosen_its_grip_lets_nothing_go() {
     assert_eq!(laid_down(false), (Some(Ending::GripStays), false));
 }
 
-/// Frames without shear while it is laid down, with slip seen all the time: the loose grip stays loose.
+/// Frames without shear while it is laid down, with continuous slip: the loose grip stays loose.
 #[test]
 fn frames_without_shear_do_not_kick_the_grip_while_it_is_laid_down() {
     let mut task = TaskSettings::default().task(TaskKind::Place, Some(0.05)).expect("valid");
@@ -73,8 +73,8 @@ fn frames_without_shear_do_not_kick_the_grip_while_it_is_laid_down() {
     assert!(loose_n.iter().all(|n| *n == 5.0), "{loose_n:?}");
 }
 
-/// A tool that hangs is lowered, and touches the ground at 5 mm, which turns and pushes it. `sees`: which fingers have a frame in a cycle; `None`: the
-/// fingers feel nothing from there on.
+/// A hanging tool is lowered and touches the ground at 5 mm, which turns and pushes it. `hand_of`: the hand report by
+/// cycle and lowered distance.
 fn lowered(hand_of: impl Fn(u64, f64) -> HandReport) -> (Option<Ending>, f64) {
     let mut task = TaskSettings::default().task(TaskKind::Place, Some(0.05)).expect("valid");
     let (mut force_n, mut lowered_mm, mut released) = (10.0, 0.0, false);
@@ -107,7 +107,7 @@ fn ground_at_5_mm(lowered_mm: f64) -> HandReport {
     }
 }
 
-/// The wrist stands while it is not sure yet that the ground carries the tool; a cycle of noise does not send it further down.
+/// The wrist stands while the contact with the ground is being confirmed; one cycle of noise does not lower it further.
 #[test]
 fn a_cycle_that_does_not_feel_the_ground_pushes_no_tool_onto_it() {
     let (ending, carried_mm) = lowered(|_, mm| ground_at_5_mm(mm));
@@ -127,7 +127,8 @@ fn a_cycle_that_does_not_feel_the_ground_pushes_no_tool_onto_it() {
     assert_eq!(told, (Some(Ending::Placed), carried_mm));
 }
 
-/// What was raised while nobody saw the tool comes down slowly, on no single frame, and the ground is not judged meanwhile.
+/// A force raised while the hand was blind is lowered slowly, not because of a single frame; meanwhile the ground is
+/// not judged.
 #[test]
 fn a_grip_that_was_raised_while_blind_is_not_let_go_at_once() {
     let mut settings = TaskSettings::default();
@@ -175,7 +176,7 @@ fn a_grip_that_was_raised_while_blind_is_not_let_go_at_once() {
     );
 }
 
-/// Cameras that take turns, or of which one is slow.
+/// Cameras with alternating frames, or one slow camera.
 #[test]
 fn the_ground_is_felt_whichever_finger_has_a_frame() {
     let (ending, both_mm) = lowered(|_, mm| ground_at_5_mm(mm));
@@ -195,7 +196,7 @@ fn the_ground_is_felt_whichever_finger_has_a_frame() {
                 *health = if sees { Health::Live } else { Health::Blind };
             }
             (report.separated, report.live_count) = (left && right, u32::from(left) + u32::from(right));
-            // One is turned and sheared more than the other.
+            // One finger is turned and sheared more than the other.
             let off = match (left, right) {
                 (true, true) => 0.0,
                 (true, false) => 1.0,
@@ -210,7 +211,8 @@ fn the_ground_is_felt_whichever_finger_has_a_frame() {
     }
 }
 
-/// Fingers that tell no shear (no size in mm), or feel nothing; a tool that pivots in the air; ground that is never there.
+/// Fingers that measure no shear (no size in mm), or feel nothing; a tool that pivots in the air; ground that is never
+/// reached.
 #[test]
 fn nothing_is_lowered_further_than_it_may_be() {
     let hanging = hand(SlipState::Stick);
@@ -270,11 +272,11 @@ fn one_frame_in_which_it_pivots_is_no_ground_and_a_push_counts_in_a_row_only() {
     assert_eq!(phases, [Phase::Waiting, Phase::Releasing], "and it is not pressed onto the ground meanwhile");
 }
 
-/// While a tool hangs, and while it is laid down, a finger drops out for some frames and comes back; what the two feel differs. Then the ground
-/// turns the tool, and carries it.
+/// While a tool hangs, and while it is laid down, a finger drops out for some frames and returns; the two fingers feel
+/// different values. Then the ground turns the tool, and carries it.
 #[test]
 fn a_finger_that_is_lost_for_some_frames_is_no_ground() {
-    // Shear along, mm, and pivot, rad, of the left finger and of the right; which see; whether the phase may be what it is then.
+    // Shear along, mm, and pivot, rad, of the left finger and of the right; which of them have a frame.
     let felt = |left: (f64, f64), right: (f64, f64), sees: (bool, bool)| {
         let mean = |a: f64, b: f64| match sees {
             (true, true) => (a + b) / 2.0,
@@ -303,7 +305,7 @@ fn a_finger_that_is_lost_for_some_frames_is_no_ground() {
         (step.phase, force_n)
     };
     let both = (true, true);
-    // One finger is sheared by 0.5 mm more and turned by 6 deg more than the other.
+    // One finger is sheared by 0.5 mm and turned by 6 deg more than the other.
     let (left, right) = ((0.6, 0.1), (0.1, 0.0));
     for (count, sees) in [(30, both), (1, (true, false)), (5, both), (20, (false, true)), (30, both)] {
         for _ in 0..count {

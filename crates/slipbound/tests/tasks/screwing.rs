@@ -1,4 +1,4 @@
-//! A cap is screwed and unscrewed: it ends on evidence.
+//! Screwing and unscrewing a cap: end on evidence.
 
 use crate::made_up::{FRAME_NS, gripper, hand};
 use slipbound::hand::HandVector;
@@ -6,14 +6,14 @@ use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, WristMotion, WristState};
 use slipbound::task::{Ending, Observation, Phase, Task, TaskKind, TaskSettings};
 
-/// A cap, a gripper and a wrist that follow at once; the shear is what the test says it is at each angle.
+/// A cap, and a gripper and a wrist that follow at once; the test defines the shear at each angle.
 struct Bench {
     task: Box<dyn Task + Send>,
     now_ns: u64,
     force_n: f64,
     angle_rad: f64,
     slip: bool,
-    /// Whether the gripper presses with what it is told, or goes on with 10 N.
+    /// Whether the gripper exerts the commanded force, or stays at 10 N.
     follows: bool,
     period_ns: u64,
 }
@@ -42,7 +42,7 @@ impl Bench {
         step.phase
     }
 
-    /// Turns while the shear follows the angle; gives the ending and the angle in deg.
+    /// Turns while the shear follows the angle; returns the ending and the angle in deg.
     fn run(&mut self, shear_mm: impl Fn(f64) -> f64, slip: impl Fn(f64) -> bool) -> (Option<Ending>, f64) {
         for _ in 0..200_000_000_000 / self.period_ns {
             self.slip = slip(self.angle_rad);
@@ -65,7 +65,8 @@ fn a_cap_is_tight_when_the_shear_stays_flat_at_the_largest_force_and_not_at_the_
     assert!((flat_from_deg + 6.0..flat_from_deg + 12.0).contains(&angle_deg), "{angle_deg}");
 }
 
-/// A cap that runs freely with a little friction; at the largest force one frame, or two that are far apart, tell of slip.
+/// A cap that turns freely with little friction; at the largest force slip is reported in one frame, or in some far
+/// apart.
 #[test]
 fn an_alarm_or_two_at_the_largest_force_do_not_make_a_loose_cap_tight() {
     for alarms_deg in [&[20.0f64][..], &[20.0, 60.0, 100.0]] {
@@ -78,14 +79,14 @@ fn an_alarm_or_two_at_the_largest_force_do_not_make_a_loose_cap_tight() {
     }
 }
 
-/// What was flat under the lighter grip says nothing of the harder one.
+/// A flat shear under the lighter grip is no evidence for the harder one.
 #[test]
 fn a_shear_has_to_stay_flat_from_the_last_change_of_force_on() {
     let mut settings = TaskSettings::default();
     settings.grip.most_n = 20.0;
     let mut bench =
         Bench { task: settings.task(TaskKind::Screw, Some(0.05)).expect("valid"), ..Bench::new(TaskKind::Screw) };
-    // Flat from 0.15 rad on, and slip from 0.8 rad on: to 20 N there, which is the most.
+    // Flat from 0.15 rad on, slip from 0.8 rad on: there the force is raised to 20 N, the maximum.
     let (ending, angle_deg) = bench.run(|rad| (2.0 * rad).min(0.3), |rad| rad > 0.8);
     assert_eq!((ending, bench.force_n), (Some(Ending::Tight), 20.0));
     let gripped_deg = 0.8f64.to_degrees();
@@ -129,7 +130,7 @@ fn a_cap_that_does_not_open_is_stuck_and_slip_alone_is_never_open() {
     assert_eq!((ending, bench.force_n), (Some(Ending::Stuck), 60.0));
 }
 
-/// The loop's rate and the wrist's speed do not decide how a task ends.
+/// The loop rate and the wrist speed must not affect how a task ends.
 #[test]
 fn every_rate_and_speed_ends_alike() {
     for rate_hz in [10u32, 15, 30, 60, 90, 120, 240] {
@@ -148,7 +149,7 @@ fn every_rate_and_speed_ends_alike() {
             let endings = [tight.0, stuck.0, opened.0];
             let at = format!("{rate_hz} Hz {speed_deg_per_s} deg/s: {tight:?} {stuck:?} {opened:?}");
             assert_eq!(endings, [Some(Ending::Tight), Some(Ending::Stuck), Some(Ending::Opened)], "{at}");
-            // The angle, too, but for the turn between two cycles.
+            // The angle is also the same, except for the turn between two cycles.
             let step_deg = 3.0 * speed_deg_per_s / f64::from(rate_hz);
             assert!((tight.1 - 77.0).abs() < 2.5 + step_deg, "{at}");
             assert!((opened.1 + 39.0).abs() < 1.5 + step_deg, "{at}");

@@ -1,4 +1,4 @@
-//! What the report says of a simulated run.
+//! Results of a simulated run for its report.
 
 use slipbound::task::{TaskKind, TaskSettings};
 use slipbound_lab::hand::HandScene;

@@ -1,4 +1,4 @@
-//! What the frames say of the finger: its lighting, its markers and their noise.
+//! Findings on the finger from the frames: its lighting, its markers and their noise.
 
 use super::finding::{Finding, bad, good, judged};
 use crate::commands::rest_window::advice_where_touched;
@@ -9,17 +9,17 @@ use slipbound::monitor::{Rest, RestKind, Settings, SlipMonitor};
 use slipbound::port::FrameBuffer;
 use slipbound::sensor::{Sensor, Skin};
 
-/// Levels from which on a pixel is as bright as it can be, and up to which it is black.
+/// Levels from which on a pixel counts as saturated, and up to which it counts as black.
 const BRIGHT_LEVEL: u8 = 250;
 const DARK_LEVEL: u8 = 5;
 /// A larger share of such pixels hides markers.
 const MOST_SATURATED_FRACTION: f64 = 0.02;
-/// The mean brightness of a finger that nothing touches changes by less, levels.
+/// The mean brightness of an untouched finger changes by less, levels.
 const MOST_FLICKER_LEVELS: f64 = 1.5;
-/// The noise of a marker beyond which slip is seen late: a tenth of the paper's threshold of 4.5 px.
+/// Noise of a marker beyond which slip is detected late: a tenth of the paper's threshold of 4.5 px.
 const MOST_NOISE_PX: f64 = 0.45;
 
-/// Saturation of the last frame, and whether the brightness stays.
+/// Saturation of the last frame, and whether the brightness is constant.
 pub fn lighting(frames: &[FrameBuffer]) -> Vec<Finding> {
     let Some(last) = frames.last() else { return Vec::new() };
     let share = |is: &dyn Fn(u8) -> bool| {
@@ -41,7 +41,7 @@ pub fn lighting(frames: &[FrameBuffer]) -> Vec<Finding> {
     findings
 }
 
-/// Markers found at rest, and how much they move while nothing does; against a rest frame that was saved, too.
+/// Markers found at rest, and their noise while nothing moves; also against a saved rest frame.
 pub fn markers(frames: &[FrameBuffer], sensor: &Sensor, saved: Option<Rest>) -> Vec<Finding> {
     let settings = Settings::default();
     let fits = "does the sensor file belong to this finger and camera? `slipbound calibrate` makes one";
@@ -85,7 +85,7 @@ pub fn markers(frames: &[FrameBuffer], sensor: &Sensor, saved: Option<Rest>) -> 
     let (count, followed) = (monitor.markers().len(), standing.followed_count);
     let kept = format!("{count} found, {followed} followed through {} frames", frames.len());
     findings.push(judged("markers", kept, followed * 20 >= count * 19, fits));
-    // What is touched moves: that is no noise.
+    // A touched finger moves: that is not noise.
     if let Some((median_px, is)) = standing.noise().filter(|_| !is_touched) {
         let advice = "more light and less gain, a sharper focus, less compression";
         findings.push(judged("noise", is, median_px <= MOST_NOISE_PX, advice));
@@ -101,7 +101,7 @@ fn untouched(touched: Option<String>, skin: Skin) -> Finding {
     }
 }
 
-/// The rest frame among these; why there is none.
+/// The rest frame among these; the error says why there is none.
 fn found(frames: &[FrameBuffer], size: SizePx, sensor: &Sensor, settings: &Settings) -> Result<Rest, String> {
     let mut finder = RestFinder::new(sensor, settings, size).map_err(|e| e.to_string())?;
     frames.iter().try_for_each(|frame| finder.see(frame)).map_err(|e| e.to_string())?;

@@ -1,4 +1,4 @@
-//! `slipbound emulate hand`: cameras, gripper and wrist of one simulated hand, as if it stood on the table.
+//! `slipbound emulate hand`: cameras, gripper and wrist of one simulated hand, reached like a real one.
 //!
 //! ```text
 //!   world, in real time --> a camera a finger: http://..     gripper: wsg50://..     wrist: line://..
@@ -26,7 +26,7 @@ use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-/// Longest wait for the world, between two looks for Ctrl-C.
+/// Longest wait for the world, between two checks for Ctrl-C.
 const PAUSE: Duration = Duration::from_millis(50);
 
 /// The arguments of `slipbound emulate hand`.
@@ -118,7 +118,7 @@ impl Hand {
         Ok(Outcome::Done)
     }
 
-    /// The sensor file of every finger, the hand file over them, and the command that uses all of it.
+    /// Writes the sensor file of every finger, the hand file, and the command that uses all of them.
     fn write_files(&self, hand: &SimHand, urls: &[String], gripper: &str, wrist: &str) -> Result<(), Failure> {
         let write = |path: &Path, text: &str| {
             fs::write(path, text).map_err(|e| Failure::work(format!("{}: cannot write", path.display()), e))
@@ -148,7 +148,7 @@ impl Hand {
     }
 }
 
-/// What is true of the world, in a line.
+/// The truth of the world, in a line.
 fn told(truth: &HandTruth) -> String {
     let mut parts = vec![format!("slid {:.2} mm", truth.slid_mm)];
     if let Some(cap) = &truth.cap {

@@ -65,7 +65,7 @@ fn roc_chart(records: &[TrialRecord]) -> Option<Chart> {
         let of = records.iter().filter(|r| r.detector == name && r.truth == Some(truth) && !never_slides(r));
         of.map(|record| record.score).collect()
     };
-    // Where every trial slips in the end, its own beginning is what no alarm may be raised for.
+    // Where every trial slips in the end, its own beginning is the part in which no alarm may be raised.
     let begun = |name: &str| -> Vec<f64> {
         let of = records.iter().filter(|r| r.detector == name && !never_slides(r));
         of.filter_map(|r| r.number_of(SCORE_BELOW)).collect()
@@ -91,7 +91,7 @@ fn roc_chart(records: &[TrialRecord]) -> Option<Chart> {
     })
 }
 
-/// Share of the right answers of ours against the share of the ramps that are judged.
+/// Share of our correct answers against the share of the ramps that are judged.
 fn coverage_chart(records: &[TrialRecord]) -> Option<Chart> {
     type Right = fn(&TrialRecord) -> Option<bool>;
     let answers: [(&str, Right); 3] = [
@@ -204,7 +204,7 @@ mod tests {
         let bars = |records: &[TrialRecord]| histogram(records, "f_at_alarm", "", "", 1.0).expect("an alarm").series;
         let curve = |records: &[TrialRecord]| roc_chart(records).expect("a curve").series;
         let alone = [slides.clone()];
-        // As it is written now, and as it was before.
+        // In the present format, and in the older one.
         for never in [now, record(1, false)] {
             let both = [slides.clone(), never];
             assert_eq!(bars(&both)[0].points, bars(&alone)[0].points);

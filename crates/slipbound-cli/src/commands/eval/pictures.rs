@@ -1,4 +1,4 @@
-//! What a detector saw where it failed worst.
+//! Images of the worst failures of a detector.
 
 use crate::outcome::Failure;
 use slipbound::monitor::{SlipMonitor, SlipReport};
@@ -20,14 +20,14 @@ struct Failed<'a> {
     badness: f64,
 }
 
-/// How a record failed; None where it did not, shows no frame, or has nothing to have failed at.
+/// The failure of a record; None where there is none, no frame to show, or nothing to fail at.
 fn failed(record: &TrialRecord) -> Option<Failed<'_>> {
     if never_slides(record) {
         return None;
     }
     let gross_frame = record.number_of("gross_frame").map(|frame| frame as u64);
     match Outcome::of(record) {
-        // Missed with the least evidence first.
+        // Of missed slips, those with the least evidence first.
         Some(Outcome::Missed) => Some(Failed {
             record,
             frame: gross_frame?.saturating_sub(1),
@@ -47,7 +47,7 @@ fn failed(record: &TrialRecord) -> Option<Failed<'_>> {
             badness: 1.0 + record.score.min(1e3) * 1e-4,
         }),
         Some(_) => None,
-        // Protocols without outcomes, as hours in which nothing slides.
+        // Protocols without outcomes, such as hours in which nothing slides.
         None => {
             let wrong = record.truth == Some(false) && record.verdict;
             wrong.then_some(())?;
@@ -61,7 +61,7 @@ fn failed(record: &TrialRecord) -> Option<Failed<'_>> {
     }
 }
 
-/// Pictures of the worst failures, the worst first; as many as can be shown.
+/// Images of the worst failures, the worst first; as many as can be shown.
 pub fn of_worst(protocol: &dyn Protocol, records: &[TrialRecord], most: usize) -> Result<Vec<Figure>, Failure> {
     let Ok(entry) = named(SHOWN) else { return Ok(Vec::new()) };
     let mut worst: Vec<Failed<'_>> =

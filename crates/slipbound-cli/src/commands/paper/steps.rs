@@ -14,7 +14,7 @@ use slipbound_lab::scenes::Trial;
 use slipbound_rig::overlay::Overlay;
 use slipbound_rig::sheet::{Figure, Part};
 
-/// The detector whose steps are shown: the paper to the letter.
+/// The detector whose steps are shown: the paper exactly as written.
 const SHOWN: &str = "paper_as_written";
 
 /// The load fraction at which a frame is shown.
@@ -24,14 +24,14 @@ const SHOWN_FRACTION: f64 = 0.85;
 const BACKGROUND_FRACTION: f64 = 31.0 / 427.0;
 const FLATTEN: (f64, f64, f64) = (50.0, 2.0, 20.0);
 
-/// A trial for the steps, and those of the objects that fail.
+/// The trial for the steps, and those of the objects that fail.
 const METHOD: &str = "ramp?object=screwdriver&force_n=30&direction_deg=30&twist_fraction=0.3&seed=3";
 const FAILING: [(&str, &str); 2] = [
     ("Crayons box", "ramp?object=crayons_box&force_n=15&direction_deg=0&seed=3"),
     ("Scrub sponge", "ramp?object=scrub_sponge&force_n=15&direction_deg=0&seed=3"),
 ];
 
-/// Shows the frame of a trial at [`SHOWN_FRACTION`] to a closure.
+/// Passes the frame of a trial at [`SHOWN_FRACTION`] to a closure.
 fn at_frame(
     text: &str,
     look: &mut dyn FnMut(&FrameBuffer, &SlipReport, &SlipMonitor) -> Result<(), Failure>,
@@ -53,7 +53,7 @@ fn at_frame(
     shown
 }
 
-/// A picture with a title.
+/// An image with a title.
 fn figure(title: &str, caption: &str, rgb: &[u8], size: SizePx) -> Result<Figure, Failure> {
     Figure::new(title, caption, rgb, size).map_err(|error| Failure::Work(error.into()))
 }
@@ -146,7 +146,7 @@ fn pixels(size: SizePx) -> impl Iterator<Item = (isize, isize)> {
     (0..size.height as isize).flat_map(move |y| (0..size.width as isize).map(move |x| (x, y)))
 }
 
-/// A grey picture with regions in colours.
+/// A grey image with regions in colours.
 fn tinted(levels: &[u8], size: SizePx, regions: &[(&Mask, [u8; 3])]) -> Vec<u8> {
     let mut rgb = rgb_of(levels);
     for ((x, y), pixel) in pixels(size).zip(rgb.chunks_exact_mut(3)) {

@@ -10,10 +10,10 @@ use slipbound_rig::run::ending_name;
 use slipbound_rig::sheet::{Chart, Draw, Part, Series};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Largest force of the paper's gripper per finger, and the one it begins with, N.
+/// Largest force of the paper's gripper per finger, and its initial force, N.
 const MOST_N: f64 = 60.0;
 
-/// A task, its controller, what the second line shows, and what the paper says of it.
+/// A task, its controller, what the second line shows, and the paper's result.
 struct Shown {
     scene: &'static str,
     title: &'static str,
@@ -42,7 +42,7 @@ const SHOWN: [Shown; 3] = [
     },
 ];
 
-/// What is kept of a run.
+/// What is recorded of a run.
 #[derive(Debug, Default)]
 struct RunCurves {
     force_n: Vec<(f64, f64)>,

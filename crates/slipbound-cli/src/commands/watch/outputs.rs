@@ -1,4 +1,4 @@
-//! Where a frame's report goes: JSON lines, table, slips, page, overlay, timings.
+//! Outputs for a frame's report: JSON lines, table, slips, page, overlay, timings.
 
 use super::args::Watch;
 use crate::outcome::Failure;
@@ -18,19 +18,19 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// What the report's header says beyond arguments, finger and settings.
+/// Content of the report's header beyond arguments, finger and settings.
 pub struct Origin {
     /// Whose clock.
     pub clock: Clock,
-    /// What rest was made from.
+    /// What the rest frame was made from.
     pub rest: RestOrigin,
     /// What a reader should know.
     pub note: Option<String>,
-    /// Frames per second, for a video to be played at.
+    /// Playback rate of a video, frames per second.
     pub rate_hz: u32,
 }
 
-/// Every output that was asked for.
+/// Every requested output.
 pub struct Outputs {
     /// Measures the steps while a frame is judged.
     pub stopwatch: Stopwatch,
@@ -52,14 +52,14 @@ struct Json {
 }
 
 impl Outputs {
-    /// Creates the files asked for.
+    /// Creates the requested files.
     pub fn open(
         args: &Watch,
         origin: Origin,
         monitor: &SlipMonitor,
         recorder: Option<&Recorder>,
     ) -> Result<Self, Failure> {
-        // The page is written at the end: that it cannot be is told before the first frame.
+        // The page is written at the end, but an unwritable place is reported before the first frame.
         args.report.iter().try_for_each(|path| refuse_unwritable(path).map_err(|e| cannot_write(path, e)))?;
         let page = args.report.as_ref().map(|path| {
             (path.clone(), RecordingPage::new(&args.source, &args.finger, origin.note.as_deref(), monitor))
@@ -167,7 +167,7 @@ impl Outputs {
         let page = self.page.map_or(Ok(()), |(path, page)| {
             fs::write(&path, page.html(summary)).map_err(|e| {
                 if path.is_file() {
-                    let _ = fs::remove_file(&path); // half a page is none
+                    let _ = fs::remove_file(&path); // half a page is worthless
                 }
                 cannot_write(&path, e)
             })
@@ -177,10 +177,10 @@ impl Outputs {
     }
 }
 
-/// Fails where a file could not be written; makes none, and leaves one that is there as it is.
+/// Fails where a file could not be written; creates none, and leaves an existing one unchanged.
 fn refuse_unwritable(path: &Path) -> io::Result<()> {
     match fs::metadata(path) {
-        Ok(there) if !there.is_file() && !there.is_dir() => Ok(()), // a pipe: who reads it would see its end
+        Ok(there) if !there.is_file() && !there.is_dir() => Ok(()), // a pipe: its reader would see its end
         Ok(_) => OpenOptions::new().write(true).open(path).map(drop),
         Err(_) => {
             drop(File::create_new(path)?);

@@ -1,4 +1,4 @@
-//! What is written must not destroy what is read, nor what else is written.
+//! Outputs must not destroy inputs, nor each other.
 
 use super::args::{RestArgument, Watch};
 use crate::commands::inputs::{self, is_same};
@@ -8,7 +8,7 @@ use slipbound_rig::{overlay::is_numbered, source::image_files};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Refuses names whose ending promises another format than is written.
+/// Refuses names whose ending stands for another format than the one written.
 pub fn refuse_endings(args: &Watch) -> Result<(), Failure> {
     const PICTURES: [&str; 9] = ["mp4", "mkv", "mov", "webm", "m4v", "gif", "png", "jpg", "jpeg"];
     const TABLES: [&str; 6] = ["csv", "tsv", "xlsx", "parquet", "feather", "pkl"];
@@ -41,13 +41,13 @@ pub fn refuse_endings(args: &Watch) -> Result<(), Failure> {
     args.record.as_deref().map_or(Ok(()), |path| inputs::refuse_ending("--record", path))
 }
 
-/// Refuses outputs that would fall on an input or on each other.
+/// Refuses outputs that would overwrite an input or each other.
 pub fn refuse(args: &Watch) -> Result<(), Failure> {
     let rest = match &args.rest {
         Some(RestArgument::File(path)) => Some(path.as_path()),
         _ => None,
     };
-    // Of `FILE.mcap#TOPIC` the file.
+    // For `FILE.mcap#TOPIC`, the file.
     let source =
         Path::new(slipbound_rig::source::mcap_file(&args.source).map_or(args.source.as_str(), |(file, _)| file));
     let inputs = [
@@ -68,7 +68,7 @@ pub fn refuse(args: &Watch) -> Result<(), Failure> {
     let mut taken: Vec<(&str, PathBuf)> =
         inputs.into_iter().filter_map(|(name, path)| Some((name, place(path.filter(|p| p.exists())?)?))).collect();
     if let (false, Some(folder)) = (source.is_dir(), source.parent()) {
-        // Pictures are named by number, and so may those of the source be.
+        // Images are named by number, and those of the source may be, too.
         if slipbound_rig::source::reads_images(&args.source) {
             taken.extend(place(folder).map(|folder| ("SOURCE", folder)));
         }
@@ -98,7 +98,7 @@ pub fn refuse(args: &Watch) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Refuses a file that is there and was not written by us, and a folder with such a picture that would be overwritten.
+/// Refuses an existing file that we did not write, and a folder with such an image that would be overwritten.
 fn refuse_foreign(name: &str, place: &Path) -> Result<(), Failure> {
     let files: Vec<PathBuf> = match fs::read_dir(place) {
         Ok(entries) => entries.flatten().map(|entry| entry.path()).filter(|path| is_numbered(path)).collect(),
@@ -107,7 +107,7 @@ fn refuse_foreign(name: &str, place: &Path) -> Result<(), Failure> {
     files.iter().try_for_each(|file| inputs::refuse_foreign(name, file))
 }
 
-/// Where a file is or would be; None for devices and pipes, which hold nothing, and for folders that are not there.
+/// The path of an existing or future file; None for devices and pipes, which hold nothing, and for missing folders.
 fn place(path: &Path) -> Option<PathBuf> {
     let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
     match fs::canonicalize(path) {

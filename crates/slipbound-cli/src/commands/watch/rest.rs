@@ -1,4 +1,4 @@
-//! The finger at rest: found among the first frames, or named by the user.
+//! The rest frame: found among the first frames, or named by the user.
 
 use super::args::{RestArgument, Watch};
 use crate::commands::recording;
@@ -23,11 +23,11 @@ const IN_CONTACT: &str = "starts in contact: displacement counts from the first 
                           smooth gel is taken from the imprint itself (if nothing touches it there, the frames are noisier \
                           or more compressed than the sensor file knows: calibrate anew on such frames)";
 
-/// The same where the settings say so.
+/// The same if the settings say so.
 const HELD: &str = "an object is held from the first frame on: displacement counts from the first stationary frames, the contact \
                     region of a smooth gel is taken from the imprint itself";
 
-/// The finger at rest, and what it was made from.
+/// The rest frame, and what it was made from.
 pub struct Found {
     /// The rest frame.
     pub rest: Rest,
@@ -41,8 +41,8 @@ pub struct Found {
     pub notes: Vec<String>,
 }
 
-/// Finds the finger at rest. `sensor_for`: the finger for frames of a size, given the one that was saved at rest under a name, with a
-/// note where it was a choice.
+/// Finds the rest frame. `sensor_for`: the finger for frames of a size, given the finger of a saved rest frame under a
+/// name, with a note where it was a choice.
 pub fn find(
     args: &Watch,
     recording: &mut ReadAhead,
@@ -50,7 +50,7 @@ pub fn find(
     sensor_for: impl Fn(SizePx, Option<(&Sensor, &str)>) -> Result<(Sensor, Option<String>), Failure>,
 ) -> Result<Found, Failure> {
     let given = args.rest.as_ref().and_then(|argument| given(args, argument)).transpose()?;
-    // Also when rest is given: one frame alone could be of an odd size.
+    // Also when rest is given: a single frame could have an odd size.
     let window = Window::read(&args.source, recording, settings.rest.window_count)?;
     let other = given.as_ref().and_then(|given| given.sizes().into_iter().find(|size| *size != window.size));
     if let (Some(argument), Some(got)) = (&args.rest, other) {
@@ -82,11 +82,11 @@ pub fn find(
     Ok(Found { rest, sensor, origin, report_note, notes })
 }
 
-/// What the user named as the finger at rest.
+/// What the user named for the rest frame.
 enum RestInput {
     /// Frames.
     Frames(Vec<FrameBuffer>),
-    /// A rest frame that was saved, and the name of its file.
+    /// A saved rest frame, and the name of its file.
     Saved(Box<SavedRest>, String),
 }
 
@@ -98,7 +98,7 @@ impl RestInput {
         }
     }
 
-    /// Whose it is, as far as its file says, and the file.
+    /// The finger, if the file states it, and the file.
     fn finger(&self) -> Option<(&Sensor, &str)> {
         match self {
             RestInput::Frames(_) => None,
@@ -134,7 +134,7 @@ fn origin_given(argument: &RestArgument) -> RestOrigin {
     RestOrigin { kind: RestOriginKind::Given, frames }
 }
 
-/// What the user named; None where it is what comes first.
+/// What the user named; None for the first frames.
 fn given(args: &Watch, argument: &RestArgument) -> Option<Result<RestInput, Failure>> {
     match argument {
         RestArgument::File(path) if is_rest(path) => {
@@ -161,7 +161,7 @@ fn image(path: &Path) -> Result<Vec<FrameBuffer>, Failure> {
     }
 }
 
-/// Frames of the source, opened a second time. Torn ones are passed over.
+/// Frames of the source, opened a second time. Torn ones are skipped.
 fn frames(source: &str, range: &Range<u64>) -> Result<Vec<FrameBuffer>, Failure> {
     let mut recording = recording::open(source)?;
     let (mut frames, mut frames_count) = (Vec::new(), 0);

@@ -12,7 +12,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
-/// Columns beside the name of the recording: heading, and what is counted.
+/// Columns besides the name of the recording: heading, and what is counted.
 const STATES: [(&str, SlipState); 6] = [
     ("STICK", SlipState::Stick),
     ("INCIPIENT", SlipState::Incipient),
@@ -23,7 +23,7 @@ const STATES: [(&str, SlipState); 6] = [
 ];
 
 impl Watch {
-    /// Judges every recording; one that fails does not keep the others from being judged.
+    /// Judges every recording; a failure does not stop the others.
     pub(super) fn run_several(&self) -> Result<Outcome, Failure> {
         if let Some(camera) = self.sources.iter().find(|source| source::is_live(source)) {
             return Err(Failure::Arguments(anyhow!(
@@ -33,7 +33,7 @@ impl Watch {
         let names = names(&self.sources);
         let clips: Vec<Watch> =
             self.sources.iter().zip(&names).map(|(source, name)| self.of_clip(source, name)).collect();
-        // Before the first of them is written to.
+        // Checked before the first of them is written to.
         for clip in &clips {
             super::overwriting::refuse_endings(clip)?;
         }
@@ -68,7 +68,7 @@ impl Watch {
         }
     }
 
-    /// The same for one of the recordings, with outputs of its own.
+    /// The same for one of the recordings, with its own outputs.
     fn of_clip(&self, source: &str, name: &str) -> Watch {
         let named = |path: &Option<PathBuf>| path.as_deref().map(|path| with_name(path, name));
         Watch {
@@ -85,7 +85,7 @@ impl Watch {
         }
     }
 
-    /// The folder in which each recording has a folder of pictures.
+    /// Creates the folder in which each recording has a folder of images.
     fn make_folders(&self, clips: &[Watch]) -> Result<(), Failure> {
         for folder in clips.iter().filter_map(|clip| clip.overlay.as_ref()).filter(|path| path.extension().is_none()) {
             fs::create_dir_all(folder).map_err(|e| Failure::work(format!("{}: cannot write", folder.display()), e))?;
@@ -94,7 +94,7 @@ impl Watch {
     }
 }
 
-/// `run.csv` as `run-NAME.csv`; of a folder, which has no ending, `FOLDER/NAME`.
+/// `run.csv` as `run-NAME.csv`; for a folder, which has no ending, `FOLDER/NAME`.
 fn with_name(path: &Path, name: &str) -> PathBuf {
     match (path.file_stem(), path.extension()) {
         (Some(stem), Some(ending)) => {
@@ -104,7 +104,7 @@ fn with_name(path: &Path, name: &str) -> PathBuf {
     }
 }
 
-/// What the recordings are called, each differently: by file, folder or scene.
+/// Names of the recordings, each different: by file, folder or scene.
 fn names(sources: &[String]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for source in sources {

@@ -1,4 +1,4 @@
-//! A camera that gives no frames for a while: told once, and told when it is back.
+//! A camera that gives no frames for a while: reported once, and again when it is back.
 
 /// How long a camera has been silent.
 pub struct Silence {
@@ -8,12 +8,12 @@ pub struct Silence {
 }
 
 impl Silence {
-    /// Silence beyond this is told, ms.
+    /// Silence beyond this is reported, ms.
     pub fn new(longest_ms: u64) -> Self {
         Silence { longest_ns: longest_ms.saturating_mul(1_000_000), heard_ns: None, is_told: false }
     }
 
-    /// Looked at a camera that gave a frame or was silent; a line when that is worth one.
+    /// The camera gave a frame or was silent; returns a line when there is something to report.
     pub fn see(&mut self, now_ns: u64, is_silent: bool) -> Option<String> {
         let heard_ns = *self.heard_ns.get_or_insert(now_ns);
         let silent_ns = now_ns.saturating_sub(heard_ns);

@@ -1,11 +1,11 @@
-//! The rank-three part of the tangential problem: a body that gives way as a whole, in three numbers.
+//! The rank-three part of the tangential problem: the rigid displacement of a body, in three numbers.
 
 use super::product::dot;
 use crate::contact::body::{Motion, Resistance, inverse};
 use num_complex::Complex64;
 
-/// B^T P B over the cells: how much load a rigid motion finds in its way, with P = 1 for a cell that is free to follow
-/// and less for one that slides.
+/// B^T P B over the cells: the load that a rigid motion produces, with P = 1 for a cell that is free to follow and less
+/// for one that slides.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Spread {
     xx: f64,
@@ -27,7 +27,7 @@ impl Spread {
         self.turn_turn += lever.norm_sqr();
     }
 
-    /// A cell that follows by a share along one direction: it slides, and only the direction of its traction turns.
+    /// A cell that follows by a share along one direction: it slides, and only the direction of its traction changes.
     #[inline(always)]
     pub fn add_sliding(&mut self, along: Complex64, share: f64, lever: Complex64) {
         let turn = lever.re * along.im - lever.im * along.re;

@@ -7,22 +7,22 @@ use slipbound::plane::Vec2;
 
 const PATCH: Region = Region { column: 12, row: 10, width_cells: 40, height_cells: 28 };
 
-/// How a pull ended.
+/// Result of a pull.
 struct Pulled {
     held: Held,
-    /// How far the cell farthest from equilibrium is from it, as a fraction of the largest bound.
+    /// Largest distance of a cell from equilibrium, as a fraction of the largest bound.
     worst_fraction: f64,
     /// Force and torque of full slip, in the units of the load: sums of the bounds, alone and times their levers.
     full_slip: (f64, f64),
 }
 
-/// A patch under a dome of pressure, on which a body of a mass is pulled and turned so far that some cells slide.
+/// A patch under a dome of pressure, with a body of a given mass that is pulled and turned until some cells slide.
 fn pull(mass_kg: f64, stop: Stop) -> Pulled {
     let mut solver = Tangential::new(Grid::fast().cells_count());
     pull_on(&mut solver, PATCH, mass_kg, stop)
 }
 
-/// The same on a patch inside [`PATCH`], by a solver that may have solved others.
+/// The same on a patch inside [`PATCH`], by a solver that may have solved others before.
 fn pull_on(solver: &mut Tangential, patch: Region, mass_kg: f64, stop: Stop) -> Pulled {
     let (grid, gel) = (Grid::fast(), Gel::default());
     let (stride, count) = (grid.width_cells, grid.cells_count());
@@ -60,7 +60,7 @@ fn pull_on(solver: &mut Tangential, patch: Region, mass_kg: f64, stop: Stop) -> 
     let mut traction = vec![ZERO; count];
     let held =
         solver.solve(&mut OneSurface { response: &mut response, window: PATCH, stride }, &question, &mut traction);
-    // Anew from the tractions alone: A q + B W B^T q - w.
+    // Recomputed from the tractions alone: A q + B W B^T q - w.
     let mut shift = vec![ZERO; count];
     response.shift_of_traction(PATCH, stride, &traction, &mut shift);
     let back = resistance.expect("a body that gives way").retreat(held.load);
@@ -88,14 +88,15 @@ fn a_light_body_takes_no_more_iterations_than_a_heavy_one() {
 #[test]
 fn a_body_comes_to_the_equilibrium_of_its_equations() {
     let stop = Stop { tolerance_fraction: 1e-9, most_iterations_count: 200 };
-    // A gram is so stiff that rounding keeps its last step from going with the body.
+    // With a body of a gram, rounding prevents the last step from following the body.
     for mass_kg in [1.0, 0.1] {
         let Pulled { held, worst_fraction, .. } = pull(mass_kg, stop);
         assert!(held.converged && worst_fraction < 1e-8, "{mass_kg} kg: {worst_fraction:e}, {held:?}");
     }
 }
 
-/// The tolerance is that of one traction. The errors of all cells must not add up: a tenth is left of force and torque.
+/// The tolerance is that of one traction. The errors of all cells must not add up to a load: force and torque are
+/// within a tenth of it.
 #[test]
 fn small_errors_of_the_cells_do_not_add_up_to_a_load() {
     let stop = FingerSettings::fast().tangential_stop;
@@ -112,7 +113,8 @@ fn small_errors_of_the_cells_do_not_add_up_to_a_load() {
     }
 }
 
-/// A gel that springs back lets cells go: the steps that were made on them are none of the smaller contact.
+/// A gel that springs back releases cells: steps that were made on them must not enter the solution of the smaller
+/// contact.
 #[test]
 fn a_contact_that_has_shrunk_is_solved_as_if_it_had_never_been_larger() {
     let stop = FingerSettings::fast().tangential_stop;

@@ -1,14 +1,15 @@
-//! What a compressed format must say of itself to be unpacked unit by unit.
+//! What a compressed format must provide to be unpacked unit by unit.
 
-/// A compressed format as units, of which the first bytes say how long they are.
+/// A compressed format as a sequence of units, each with its length in its first bytes.
 pub trait Format: Send + Default {
-    /// Length of the next unit, bytes, as far as its first bytes say it: more than `first` has, or final. Never zero.
+    /// Length of the next unit, bytes, as far as its first bytes state it: more than `first` has, or final. Never zero.
     fn unit_bytes(&self, first: &[u8]) -> usize;
 
-    /// Unpacks a whole unit to the end of `out`; what was expected and got where it is none.
+    /// Unpacks a complete unit to the end of `out`; the error states what was expected and got.
     fn unpack(&mut self, unit: &[u8], out: &mut Vec<u8>) -> Result<(), String>;
 
-    /// Drops from `out`, of which so much was given, what no later unit refers to; how much of the rest was given.
+    /// Drops from `out` what no later unit refers to. `given`: how many of its bytes were given; returns how many of
+    /// the rest were.
     fn forget(&mut self, out: &mut Vec<u8>, given: usize) -> usize {
         out.drain(..given);
         0

@@ -1,4 +1,4 @@
-//! LZ4 frames, block by block. A chunk's own checksum is what damage is found by: those of frame and block are passed over.
+//! LZ4 frames, block by block. Damage is detected by the chunk's own checksum: those of frame and block are skipped.
 //!
 //! ```text
 //!   magic 4 | flags, size of blocks, [content size 8] [dictionary 4] check 1 | blocks: size 4, data, [check 4] | 0 4 [check 4]
@@ -13,7 +13,7 @@ const REACH_BYTES: usize = 64 << 10;
 /// The bit of a block's size that says that it is not compressed.
 const STORED: u32 = 1 << 31;
 
-/// Where in a frame it is.
+/// Position in a frame.
 #[derive(Default)]
 pub struct Lz4 {
     /// Longest block of this frame, bytes, unpacked; zero before a frame's head.

@@ -3,7 +3,7 @@ use lz4_flex::block::{compress, get_maximum_output_size};
 use proptest::prelude::*;
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 
-/// What the reader does: so many bytes more at a time, as much out as there is room; all that came out.
+/// Unpacks like the reader: `step` more bytes at a time, and at most `room` bytes of output; returns all output.
 fn unpack<F: Format>(packed: &[u8], step: usize, room: usize) -> Result<Vec<u8>, String> {
     let (mut decoder, mut out, mut buffer) = (Unpack::<F>::default(), Vec::new(), vec![0; room]);
     let (mut at, mut end) = (0, 0);

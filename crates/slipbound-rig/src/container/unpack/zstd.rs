@@ -4,16 +4,16 @@ use super::format::Format;
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 
 const MAGIC: u32 = 0xFD2F_B528;
-/// Frames that a reader passes over: 16 numbers from this one on.
+/// Skippable frames: 16 numbers from this one on.
 const SKIPPABLE: u32 = 0x184D_2A50;
-/// Longest of those, bytes: it is held whole.
+/// Longest of those, bytes: it is buffered completely.
 const LONGEST_SKIPPED_BYTES: usize = 1 << 20;
 /// Length of a block's head, bytes.
 const BLOCK_HEAD_BYTES: usize = 3;
 /// Longest block, bytes, by the standard.
 const LONGEST_BLOCK_BYTES: usize = 128 << 10;
 
-/// The decoder, and where in a frame it is.
+/// The decoder, and its position in a frame.
 #[derive(Default)]
 pub struct Zstd {
     decoder: FrameDecoder,
@@ -33,7 +33,7 @@ fn block_head(first: &[u8]) -> Option<(u32, bool, usize)> {
 }
 
 impl Zstd {
-    /// Length of what stands before the blocks: 5 bytes, and what the fifth says.
+    /// Length of the part before the blocks: 5 bytes, and what the fifth states.
     fn head_bytes(first: &[u8]) -> usize {
         let Some(&about) = first.get(4) else { return 5 };
         let is_single = about & 0x20 != 0;

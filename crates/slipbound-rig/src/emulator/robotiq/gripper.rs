@@ -22,16 +22,16 @@ const STOPPED: u8 = 0xE;
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Motion {
     Stay,
-    /// To close, and to open again at the end.
+    /// Closes, and opens again at the end.
     Activate {
         opens: bool,
     },
-    /// There is nothing on the way.
+    /// Nothing is in the way.
     To {
         position: u8,
         speed: u8,
     },
-    /// What is on the way stops the fingers, and is gripped.
+    /// An object in the way stops the fingers, and is gripped.
     Grip {
         speed: u8,
         force: u8,
@@ -96,7 +96,7 @@ impl Gripper {
         self.between_mm = self.jaws.between_mm(plant);
         self.jaws.advance_to(now_ns, plant);
         if let Motion::Activate { opens } = self.motion {
-            // What is in the way ends the closing stroke.
+            // An object in the way ends the closing stroke.
             self.has_closed |= !opens && (self.jaws.is_there() || self.jaws.is_blocked());
             if opens && self.jaws.is_there() {
                 self.activation = ACTIVATED;
@@ -122,7 +122,7 @@ impl Gripper {
         }
     }
 
-    /// Tells the jaws what is now wanted, where it is new.
+    /// Commands the jaws, where the wanted motion is new.
     fn steer(&mut self) {
         let wanted = self.wanted();
         if wanted == self.motion {
@@ -146,7 +146,7 @@ impl Gripper {
         }
     }
 
-    /// gOBJ. The manual: to be ignored without gGTO; its examples then have 0.
+    /// gOBJ. The manual: to be ignored without gGTO; it is 0 in the manual's examples then.
     pub fn object(&self) -> u8 {
         match self.motion {
             _ if !self.goes() => object::MOVING,

@@ -8,11 +8,11 @@ use crate::gripper::robotiq::rtu::{self, Ask, Parser, Registers};
 use slipbound::plant::Plant;
 use std::ops::Range;
 
-/// Silence that ends a message whose length cannot be told, ns. On the line it is 3.5 characters, 0.3 ms; a client that is
-/// no real-time computer may take longer within a message.
+/// Silence that ends a message of unknown length, ns. On the line it is 3.5 characters, 0.3 ms; a client that is not a
+/// real-time computer may take longer within a message.
 const SILENCE_NS: u64 = 10_000_000;
 
-/// Modbus exceptions: there is no such function, no such register; the message is no good.
+/// Modbus exceptions: no such function, no such register, invalid message.
 const NO_SUCH_FUNCTION: u8 = 1;
 const NO_SUCH_REGISTER: u8 = 2;
 const NO_SUCH_VALUE: u8 = 3;
@@ -34,7 +34,7 @@ impl Default for Serial {
     }
 }
 
-/// Where the bytes of registers stand among those of the three that begin at `first`. The error is a Modbus exception.
+/// The bytes of `registers` among those of the three registers that begin at `first`. The error is a Modbus exception.
 fn place(registers: Registers, first: u16) -> Result<Range<usize>, u8> {
     let from = registers.first.checked_sub(first).ok_or(NO_SUCH_REGISTER)?;
     match registers.count {
@@ -67,7 +67,7 @@ impl Serial {
         }
     }
 
-    /// The six bytes among which registers stand, and where.
+    /// The six bytes that contain the registers, and their place among them.
     fn registers(&self, registers: Registers) -> Result<([u8; 6], Range<usize>), u8> {
         let outputs = place(registers, rtu::FIRST_OUTPUT).map(|at| (self.gripper.outputs, at));
         outputs.or_else(|_| place(registers, rtu::FIRST_INPUT).map(|at| (self.gripper.inputs(), at)))
@@ -87,7 +87,7 @@ impl Serial {
         if self.gripper.set(outputs) { Ok(()) } else { Err(NO_SUCH_VALUE) }
     }
 
-    /// After a silence, what was received has come to its end.
+    /// A silence ends the received message.
     fn end(&mut self, now_ns: u64, outgoing: &mut Vec<u8>) {
         if self.parser.is_within() && now_ns >= self.received_ns + SILENCE_NS {
             let mut parser = std::mem::take(&mut self.parser);

@@ -13,7 +13,7 @@ use slipbound::plant::Plant;
 pub struct Socket {
     gripper: Gripper,
     lines: Lines,
-    /// ATR and ADR: an automatic release was asked for, and which way. It is remembered, not done.
+    /// ATR and ADR: an automatic release was requested, and its direction. It is remembered, not done.
     releases: u8,
     release_direction: u8,
 }

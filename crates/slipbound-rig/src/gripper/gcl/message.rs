@@ -1,9 +1,9 @@
 //! What is sent to a WSG-50 at its text interface.
 
-/// What is asked in turn.
+/// Questions, asked in turn.
 pub(super) const QUESTIONS: [&str; 3] = ["POS", "FORCE", "GRIPSTATE"];
 
-/// What is sent.
+/// A message to the gripper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Message {
     /// One of [`QUESTIONS`].

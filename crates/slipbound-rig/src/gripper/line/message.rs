@@ -1,6 +1,6 @@
 //! The lines of the line protocol.
 
-/// The version this speaks.
+/// Protocol version.
 pub const VERSION: u32 = 1;
 
 /// A command without its number: `WORD key value key value`. Numbers have six digits after the point.
@@ -18,21 +18,21 @@ pub fn number_of(words: &str, key: &str) -> Option<f64> {
     words.nth(1)?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
-/// What the other side says.
+/// A message of the other side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answer<'a> {
     /// Its version.
     Hello(u32),
-    /// A command was taken over, as these words.
+    /// A command was accepted, as these words.
     Ack {
-        /// Of the command.
+        /// Number of the command.
         number: u64,
-        /// What was taken over.
+        /// The words that were accepted.
         words: &'a str,
     },
-    /// It was not.
+    /// A command was refused.
     Err {
-        /// Of the command.
+        /// Number of the command.
         number: u64,
         /// Why.
         why: &'a str,

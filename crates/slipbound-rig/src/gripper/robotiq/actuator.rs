@@ -1,4 +1,4 @@
-//! What both interfaces of a 2F-85 keep: where the jaws should go, whether it is activated, what it says of them.
+//! What both interfaces of a 2F-85 keep: target of the jaws, activation, and reported status.
 
 use super::status::{CLOSED, Status};
 use crate::gripper::config::Config;
@@ -6,7 +6,7 @@ use crate::gripper::driver_state::DriverState;
 use crate::gripper::error::Error;
 use slipbound::port::{DriverEvent, GripCommand};
 
-/// What the jaws should come to; the newest goal counts.
+/// The goal of the jaws; the newest one counts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) enum Goal {
     /// Nothing: leave everything as it is.
@@ -22,7 +22,7 @@ pub(super) enum Goal {
     Activate,
 }
 
-/// Where the jaws are to go: position and force as the gripper's numbers.
+/// Target of the jaws: position and force as the gripper's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Target {
     pub position: u8,
@@ -39,7 +39,7 @@ impl Goal {
         }
     }
 
-    /// Where the jaws are to go; None where this goal moves them to no place of ours.
+    /// Target of the jaws; None where this goal has none.
     pub fn target(self, config: &Config) -> Option<Target> {
         let speed = config.speed_count();
         match self {
@@ -54,14 +54,14 @@ impl Goal {
 #[derive(Debug, Default)]
 pub(super) struct Actuator {
     pub goal: Goal,
-    /// None until everything has been heard once since the link was made.
+    /// None until everything has been received once since the link was made.
     status: Option<Status>,
     is_homing: bool,
 }
 
 impl Actuator {
-    /// Takes a status, which was asked for after everything that was sent before. Returns whether a fault has begun: what
-    /// the gripper was told before counts no more, even where the fault ends by itself.
+    /// Takes a status, which was requested after everything that was sent before. Returns whether a fault has begun:
+    /// earlier commands no longer count then, even if the fault ends by itself.
     pub fn take_status(&mut self, driver: &mut DriverState, status: Status) -> bool {
         let fault_before = self.status.and_then(|status| status.fault_in_words());
         self.status = Some(status);
@@ -78,7 +78,7 @@ impl Actuator {
         has_begun
     }
 
-    /// The gripper has taken over what was sent for this goal.
+    /// The gripper has accepted what was sent for this goal.
     pub fn take_over(&mut self, driver: &mut DriverState, goal: Goal) {
         match goal {
             Goal::Hold { force_n } => driver.settle_target(Some(force_n)),
@@ -118,7 +118,7 @@ impl Actuator {
         let Some(status) = self.status else {
             return Err(Error::NotReady { address: driver.address(), expected: "its status" });
         };
-        // A fault, and jaws that are not active, are cleared by home alone.
+        // Only homing clears a fault, and jaws that are not active.
         if status.is_active() && status.fault_in_words().is_none() && driver.seems_to_hold() {
             return Err(driver.home_while_holding());
         }
@@ -126,7 +126,7 @@ impl Actuator {
         Ok(())
     }
 
-    /// Whether everything has been heard once since the link was made.
+    /// Whether everything has been received once since the link was made.
     pub fn is_known(&self) -> bool {
         self.status.is_some()
     }

@@ -1,4 +1,4 @@
-//! Modbus RTU: the two functions that we need of a 2F-85, and in [`Ask`] all that it has.
+//! Modbus RTU: the two functions of a 2F-85 that the driver needs, and in [`Ask`] all that it has.
 //!
 //! ```text
 //!   write:  09 10 03E8 0003 06 | 6 bytes | crc     answer  09 10 03E8 0003 crc
@@ -20,7 +20,7 @@ pub const FIRST_OUTPUT: u16 = 1000;
 /// The first input register.
 pub const FIRST_INPUT: u16 = 2000;
 
-/// How many there are of each.
+/// Number of registers of each.
 pub const REGISTERS_COUNT: u16 = 3;
 
 /// Where the outputs are, and how many registers.
@@ -42,7 +42,7 @@ pub fn ask_read(into: &mut Vec<u8>) {
     message(into, &[&[SLAVE, READ], &INPUT, &[0, 3]]);
 }
 
-/// Appends the answer to a write: of the one by function 6 its value, else how many.
+/// Appends the answer to a write: the value for function 6, else the number of registers.
 pub fn answer_write(into: &mut Vec<u8>, function: u8, registers: Registers, bytes: [u8; 6]) {
     let last = if function == WRITE_ONE { [bytes[0], bytes[1]] } else { registers.count.to_be_bytes() };
     message(into, &[&[SLAVE, function], &registers.first.to_be_bytes(), &last]);
@@ -69,37 +69,37 @@ pub enum Answer {
     Refused(u8),
 }
 
-/// Finds messages in bytes as they come. Keeps at most one message's worth.
+/// Finds messages in a byte stream. Keeps at most one message's worth.
 #[derive(Debug, Default)]
 pub struct Parser {
     held: Vec<u8>,
 }
 
 impl Parser {
-    /// Takes a gripper's bytes and calls `found` with every answer that is now whole.
+    /// Takes a gripper's bytes and calls `found` with every answer that is now complete.
     pub fn feed_answers(&mut self, bytes: &[u8], found: impl FnMut(Answer)) {
         self.feed(bytes, answer, found);
     }
 
-    /// Takes a master's bytes and calls `found` with every request that is now whole.
+    /// Takes a master's bytes and calls `found` with every request that is now complete.
     pub fn feed_asks(&mut self, bytes: &[u8], found: impl FnMut(Ask)) {
         self.feed(bytes, ask::ask, found);
     }
 
-    /// The line has been silent, which ends a master's message: only so is the end of one known whose function is not.
-    /// What has become none is forgotten.
+    /// The line has been silent, which ends a master's message: nothing else ends one with an unknown function. Bytes
+    /// that form no message are dropped.
     pub fn end_ask(&mut self, found: impl FnMut(Ask)) {
         let ended = (0..self.held.len()).find_map(|start| ask::ended(&self.held[start..]));
         self.held.clear();
         ended.into_iter().for_each(found);
     }
 
-    /// Whether the beginning of a message waits for its rest.
+    /// Whether a message has begun and is incomplete.
     pub fn is_within(&self) -> bool {
         !self.held.is_empty()
     }
 
-    /// Forgets what has not become a message.
+    /// Drops an incomplete message.
     pub fn clear(&mut self) {
         self.held.clear();
     }

@@ -10,13 +10,13 @@ use crate::gripper::protocol::Protocol;
 use crate::link::InFlight;
 use slipbound::port::GripCommand;
 
-/// How often an unanswered request is sent again before that is reported.
+/// How often an unanswered request is sent again before it is reported.
 const REPEATS_COUNT: u32 = 2;
 
 /// Most answers taken from what is received at once: one request is in flight, so one answer is expected.
 const MOST_ANSWERS: usize = 8;
 
-/// What is sent.
+/// A message to the gripper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Message {
     Read,
@@ -28,7 +28,7 @@ enum Message {
 pub struct Serial {
     parser: Parser,
     actuator: Actuator,
-    /// The outputs that the gripper was last seen to take over; None where that is not known.
+    /// The outputs that the gripper is known to have accepted last; None where that is not known.
     outputs: Option<[u8; 6]>,
     in_flight: Option<InFlight<Message>>,
     read_ns: Option<u64>,
@@ -78,7 +78,7 @@ impl Serial {
                 self.actuator.goal = Goal::Keep;
                 driver.raise_refused("write", format!("Modbus exception {code}"));
             }
-            _ => return, // the answer to a request that was given up
+            _ => return, // the answer to an abandoned request
         }
         driver.heard();
         self.in_flight = None;
@@ -111,12 +111,12 @@ impl Protocol for Serial {
                 self.send(driver, sent);
             }
             Some(InFlight { message: Message::Write { goal, .. }, .. }) => {
-                // It may have come through after all: the same once more is written once more.
+                // It may have arrived: the same outputs are written again when requested again.
                 self.actuator.give_up(driver, goal);
                 self.outputs = None;
                 driver.raise_unanswered("write");
             }
-            // A read is sent again in its turn; silence is reported by itself.
+            // A read is sent again in turn; silence is reported separately.
             Some(InFlight { message: Message::Read, .. }) | None => {}
         }
     }

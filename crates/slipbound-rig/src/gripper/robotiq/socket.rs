@@ -1,7 +1,7 @@
 //! The 2F-85 by the text socket of a UR controller: `SET NAME value ...` is answered by `ack`, `GET NAME` by
 //! `NAME value`, both possibly without an end of line. One request is in flight at a time. A gripper that ends its lines
-//! may pause anywhere within one; of one that does not, which is known when the first answer has come without an end
-//! within the reply time, a value counts when nothing more has come for a moment.
+//! may pause anywhere within one. If the first answer has no line end within the reply time, the gripper does not end
+//! its lines: a value then counts when nothing more has come for a moment.
 
 use super::actuator::{Actuator, Goal};
 use super::status::Status;
@@ -11,10 +11,10 @@ use crate::gripper::protocol::Protocol;
 use crate::link::{InFlight, write_line};
 use slipbound::port::{DriverEvent, GripCommand};
 
-/// What is asked in turn.
+/// Questions, asked in turn.
 const QUESTIONS: [&str; 5] = ["STA", "OBJ", "PRE", "POS", "FLT"];
 
-/// Quiet after which a value without an end of line is taken as whole, ns, where lines have none.
+/// Silence after which a value without an end of line counts as complete, ns, where lines have none.
 const QUIET_NS: u64 = 5_000_000;
 
 /// Longest answer, bytes; more is garbage.
@@ -23,7 +23,7 @@ const LONGEST: usize = 32;
 /// The answer to a command.
 const ACKNOWLEDGED: &[u8] = b"ack";
 
-/// What is sent.
+/// A message to the gripper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Message {
     Get(&'static str),
@@ -44,7 +44,7 @@ pub struct Socket {
     is_heard: [bool; QUESTIONS.len()],
     question: usize,
     round_ns: Option<u64>,
-    /// The goal that the gripper last took over; `Keep` where that is not known.
+    /// The goal that the gripper last accepted; `Keep` where that is not known.
     done: Goal,
     in_flight: Option<InFlight<Message>>,
 }
@@ -62,7 +62,7 @@ impl Socket {
         }
     }
 
-    /// The force it has been set to is asked for as long as it is not known; the rest in turn, once a period.
+    /// Asks for the force that it is set to until it is known; for the rest in turn, once per period.
     fn next_question(&mut self, driver: &mut DriverState) -> Option<&'static str> {
         if self.question == 0 {
             self.end_round(driver);
@@ -81,8 +81,8 @@ impl Socket {
         Some(name)
     }
 
-    /// A status is made of the answers of one round: where the jaws were before a command and where it sends them would be one in
-    /// which they have arrived and found nothing. Without a fault or a position the former one stays.
+    /// A status is made of the answers of one round: answers from before and after a command together could look as if
+    /// the jaws had arrived and found nothing. Without a fault or a position the previous one stays.
     fn end_round(&mut self, driver: &mut DriverState) {
         let is_heard = std::mem::take(&mut self.is_heard);
         let is_whole =
@@ -92,7 +92,7 @@ impl Socket {
         }
     }
 
-    /// Takes what is buffered as an answer, if it is whole.
+    /// Takes the buffered bytes as an answer, if it is complete.
     fn read_answer(&mut self, driver: &mut DriverState) {
         let Some(sent) = &self.in_flight else { return self.buffer.clear() };
         let (message, age_ns) = (sent.message, sent.age_ns(driver.now_ns()));
@@ -104,7 +104,7 @@ impl Socket {
             None => age_ns + 2 * QUIET_NS >= driver.config.reply_ms * 1_000_000,
         };
         let is_acknowledged = matches!(message, Message::Set(_)) && self.buffer.starts_with(ACKNOWLEDGED);
-        // An end that is still to come belongs to the answer, and the gripper may be at it for as long again.
+        // A line end that is still to come belongs to the answer, and may take as long again.
         let is_endless = self.ends_lines == Some(false);
         let is_full = matches!(message, Message::Get(name) if is_endless && is_full(name, &self.buffer));
         let is_whole = end.is_some() || is_quiet || is_acknowledged || is_full || self.buffer.len() > LONGEST;
@@ -132,14 +132,14 @@ impl Socket {
             self.in_flight = None;
         } else {
             if end.is_some() && matches!(message, Message::Get(_)) {
-                self.in_flight = None; // it is asked again in its turn
+                self.in_flight = None; // it is asked again in turn
             }
             driver.push_event(DriverEvent::Garbled { bytes_count: buffer.len() });
         }
     }
 
-    /// Takes out what answers nothing that is in flight: values that nobody asked for or that were asked for too long ago, an
-    /// `ack` to no command, and the end of an answer that was known before it came.
+    /// Removes bytes that answer nothing in flight: unsolicited or late values, an `ack` to no command, and the end of
+    /// an answer that was known before it came.
     fn pass_over(&mut self, message: Message) {
         loop {
             let end = self.buffer.iter().position(|byte| *byte == b'\n');
@@ -218,12 +218,12 @@ impl Protocol for Socket {
             .map(|sent| sent.message)
         {
             Some(Message::Set(goal)) => {
-                // It may have come through after all: the same once more is sent once more.
+                // It may have arrived: the same request is sent again when repeated.
                 self.actuator.give_up(driver, goal);
                 self.done = Goal::Keep;
                 driver.raise_unanswered("SET");
             }
-            // A question is asked again in its turn; silence is reported by itself.
+            // A question is asked again in turn; silence is reported separately.
             Some(Message::Get(_)) | None => {}
         }
     }

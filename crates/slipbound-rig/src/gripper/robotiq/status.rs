@@ -15,7 +15,7 @@ pub(crate) const ACTIVATED: u8 = 3;
 /// Position request: closed as far as it goes.
 pub(crate) const CLOSED: u8 = 255;
 
-/// What the gripper says of its object.
+/// What the gripper reports of its object.
 pub(crate) mod object {
     pub const MOVING: u8 = 0;
     pub const CONTACT_OPENING: u8 = 1;
@@ -32,7 +32,7 @@ pub(crate) struct Status {
     pub object: u8,
     /// gFLT.
     pub fault: u8,
-    /// gPR: position asked for, 255 is closed.
+    /// gPR: requested position, 255 is closed.
     pub position_asked: u8,
     /// gPO: position, 255 is closed.
     pub position: u8,
@@ -73,7 +73,7 @@ impl Status {
         Some(format!("fault {}, {words}; home clears it", self.fault))
     }
 
-    /// What the jaws do; `before` tells a lost object from one that never was.
+    /// The state of the jaws; `before` distinguishes a lost object from one that was never there.
     pub fn jaws(&self, before: Jaws) -> Jaws {
         let closes = self.position_asked == CLOSED;
         match (self.is_active(), self.fault_in_words(), self.object) {
@@ -89,7 +89,7 @@ impl Status {
     }
 }
 
-/// The speed of a number, mm/s: 0 is 20, 255 is 150, as the data sheet has it.
+/// The speed of a number, mm/s: 0 is 20, 255 is 150, by the data sheet.
 pub(crate) fn speed_of_count(count: u8) -> f64 {
     20.0 + f64::from(count) * 130.0 / 255.0
 }
@@ -115,7 +115,7 @@ impl Config {
         read_table(&self.opening_table, 1, opening_mm).round() as u8
     }
 
-    /// The speed as a number: 0 is 20 mm/s, 255 is 150 mm/s, as the data sheet has it.
+    /// The speed as a number: 0 is 20 mm/s, 255 is 150 mm/s, by the data sheet.
     pub(crate) fn speed_count(&self) -> u8 {
         ((self.speed_mm_per_s - 20.0) / 130.0 * 255.0).round() as u8
     }

@@ -4,15 +4,15 @@
 //!   AA AA AA | id | length, low byte first | payload | checksum, low byte first
 //! ```
 //!
-//! The checksum takes its table from the polynomial 0x1021 as for most significant bit first, but moves through it
-//! least significant byte first. No catalogued CRC-16 is that; it starts with FFFF, goes over everything from the
-//! first AA, and is 0 over a frame with its checksum. It sees every change of one byte, but of two neighbours lets one
-//! in 10000 pass; over TCP, whose own checksum stands before it, that is no worry.
+//! The checksum uses the table of the polynomial 0x1021 as for most significant bit first, but moves through it least
+//! significant byte first. No catalogued CRC-16 does that. It starts with FFFF, covers everything from the first AA,
+//! and is 0 over a frame with its checksum. It detects every change of one byte, but misses one in 10000 changes of two
+//! neighbouring bytes; TCP, which has a checksum of its own, makes that acceptable.
 
 /// What every frame begins with.
 const PREAMBLE: [u8; 3] = [0xAA; 3];
 
-/// Longest payload taken for one. The longest answer this driver asks for has 6 bytes.
+/// Longest accepted payload. The longest answer this driver asks for has 6 bytes.
 const LONGEST_PAYLOAD: usize = 64;
 
 /// Bytes of a frame around its payload.
@@ -53,10 +53,10 @@ pub fn write(into: &mut Vec<u8>, id: u8, payload: &[u8]) {
     into.extend(crc.to_le_bytes());
 }
 
-/// A frame that came whole.
+/// A complete frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Frame {
-    /// Which command it is, or answers.
+    /// The command, or the command that it answers.
     pub id: u8,
     length: usize,
     bytes: [u8; LONGEST_PAYLOAD],
@@ -80,7 +80,7 @@ pub fn number(payload: &[u8]) -> Option<f32> {
     payload.first_chunk().map(|bytes| f32::from_le_bytes(*bytes))
 }
 
-/// Finds frames in bytes as they come: split, merged, with garbage between. Keeps at most one frame's worth.
+/// Finds frames in a byte stream: split, merged, with garbage between. Keeps at most one frame's worth.
 #[derive(Debug, Default)]
 pub struct Parser {
     held: Vec<u8>,
@@ -88,7 +88,7 @@ pub struct Parser {
 }
 
 impl Parser {
-    /// Takes bytes and calls `found` with every frame that is now whole.
+    /// Takes bytes and calls `found` with every frame that is now complete.
     pub fn feed(&mut self, mut bytes: &[u8], mut found: impl FnMut(Frame)) {
         while !bytes.is_empty() {
             let room = (LONGEST_PAYLOAD + AROUND - self.held.len()).min(bytes.len());
@@ -112,12 +112,12 @@ impl Parser {
         }
     }
 
-    /// How many bytes were no part of a frame since this was last asked.
+    /// Number of bytes outside any frame since the last call.
     pub fn take_passed_over_count(&mut self) -> usize {
         std::mem::take(&mut self.passed_over_count)
     }
 
-    /// Forgets what has not become a frame.
+    /// Drops an incomplete frame.
     pub fn clear(&mut self) {
         self.held.clear();
     }
@@ -127,7 +127,7 @@ enum Look {
     Frame(Frame),
     /// No frame starts here.
     None,
-    /// One may, but more bytes are needed to say.
+    /// Perhaps one; more bytes are needed.
     Short,
 }
 
@@ -181,7 +181,7 @@ mod tests {
         assert_eq!(number(frames(&LIMIT_20_N)[0].payload()), Some(20.0));
     }
 
-    /// That some changes of two neighbours pass is a weakness of this checksum; a catalogued CRC-16 lets none pass.
+    /// This checksum misses some changes of two neighbouring bytes; a catalogued CRC-16 misses none.
     #[test]
     fn no_change_of_one_byte_goes_unseen_and_73_of_715275_changes_of_two_neighbours_do() {
         let mut force = Vec::new();

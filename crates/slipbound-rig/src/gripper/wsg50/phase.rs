@@ -3,7 +3,7 @@
 use super::words::id;
 use crate::gripper::driver_state::DriverState;
 
-/// What the jaws were last commanded, and how far that has come.
+/// What the jaws were last commanded, and its progress.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) enum Phase {
     /// Neither a grasp nor a release has been given since the link was made, a stop or an acknowledgement.
@@ -13,13 +13,13 @@ pub(super) enum Phase {
     Homing { since_ns: u64 },
     /// A grasp was given; its end is awaited.
     Grasping { since_ns: u64 },
-    /// A grasp was given and has ended, whatever came of it.
+    /// A grasp was given and has ended, whatever the outcome.
     Grasped,
     /// A new force limit was set while holding; does the measured force follow? N per finger.
     Following { from_n: f64, to_n: f64, until_ns: u64 },
     /// A release was given; its end is awaited.
     Opening { command: Command, since_ns: u64 },
-    /// A release was given and has ended, whatever came of it.
+    /// A release was given and has ended, whatever the outcome.
     Opened,
 }
 
@@ -54,7 +54,7 @@ impl Phase {
     }
 }
 
-/// A command; the gripper answers each once at once, and those that move it again at their end.
+/// A command; the gripper answers each one at once, and those that move it again at their end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Command {
     Home,

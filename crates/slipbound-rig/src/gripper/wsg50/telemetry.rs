@@ -5,10 +5,10 @@ use super::words::{flag, grasp, id, status};
 use crate::gripper::driver_state::DriverState;
 use slipbound::port::Jaws;
 
-/// Time after which something that does not come is asked for again, ns.
+/// Time after which a missing state is requested again, ns.
 const ASK_AGAIN_NS: u64 = 300_000_000;
 
-/// Bytes waiting to be sent beyond which nothing more is asked for.
+/// Bytes waiting to be sent beyond which nothing more is requested.
 const MOST_UNSENT_BYTES: usize = 1024;
 
 /// The states subscribed to.
@@ -25,16 +25,16 @@ pub(super) struct Telemetry {
     pub is_grasp_old: bool,
     /// The force limit it has, in its own newtons.
     pub limit_own_n: Option<f64>,
-    /// When each of [`STATES`] was last heard or asked for.
+    /// When each of [`STATES`] was last received or requested.
     asked_ns: [Option<u64>; STATES.len()],
     limit_asked_ns: Option<u64>,
 }
 
 impl Telemetry {
-    /// Subscribes to what does not come, and asks for the limit while it is not known.
+    /// Subscribes to states that do not come, and asks for the limit while it is not known.
     pub fn ask(&mut self, driver: &mut DriverState) {
         if driver.outgoing.len() > MOST_UNSENT_BYTES {
-            return; // the link does not take them; asking more often would not help
+            return; // the link is blocked; asking more often would not help
         }
         let now_ns = driver.now_ns();
         let is_due = |asked_ns: Option<u64>| asked_ns.is_none_or(|asked| now_ns.saturating_sub(asked) > ASK_AGAIN_NS);

@@ -90,7 +90,7 @@ pub mod status {
         text.parse().ok().or_else(named).unwrap_or(u16::MAX)
     }
 
-    /// What the text interface answered, in words; a status that nobody knows as it came.
+    /// The answer of the text interface, in words; an unknown status as it came.
     pub fn answered(text: &str) -> String {
         match read(text) {
             u16::MAX => format!("{text:?}"),
@@ -137,7 +137,7 @@ pub mod grasp {
     pub const POSITIONING: u8 = 6;
     pub const ERROR: u8 = 7;
 
-    /// The same for a caller; None: not yet heard.
+    /// The same for a caller; None: not received yet.
     pub(crate) fn jaws(grasp: Option<u8>) -> Jaws {
         match grasp {
             Some(GRASPING) => Jaws::Closing,

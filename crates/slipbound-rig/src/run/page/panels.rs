@@ -1,4 +1,4 @@
-//! Which plots a run has, by what is known of it.
+//! The plots of a run, depending on what is known.
 
 use crate::run::info::RunInfo;
 use slipbound::control::Cycle;
@@ -181,7 +181,7 @@ pub(super) fn of(cycles: &[Cycle], slips_pitch: &[Option<f64>], info: &RunInfo) 
     panels
 }
 
-/// The margin at which incipient slip is said; None where another rule says it.
+/// The margin at which incipient slip is reported; None where another rule reports it.
 pub(super) fn alarm_margin(slip: &SlipSettings) -> Option<f64> {
     (slip.rule == SlipRule::Margin).then_some(slip.alarm_margin_fraction)
 }

@@ -1,4 +1,4 @@
-//! What was going on over time, as stretches and as the thin band above each plot.
+//! Phases over time, as stretches and as the thin band above each plot.
 
 use super::time_axis::TimeAxis;
 use crate::run::words::phase_name;
@@ -19,7 +19,7 @@ pub(super) struct Stretch<T> {
 /// What a stretch shows: class of the style sheet, and name.
 pub(super) type Shown = (&'static str, &'static str);
 
-/// The stretches of what was there at each time.
+/// The stretches of equal values over time.
 pub(super) fn stretches<T: PartialEq + Copy>(times: impl Iterator<Item = (u64, T)>) -> Vec<Stretch<T>> {
     let mut all: Vec<Stretch<T>> = Vec::new();
     for (time_ns, now) in times {
@@ -34,7 +34,7 @@ pub(super) fn stretches<T: PartialEq + Copy>(times: impl Iterator<Item = (u64, T
     all
 }
 
-/// What the task did.
+/// The phases of the task.
 pub(super) fn phases(cycles: &[Cycle]) -> Vec<Stretch<Shown>> {
     stretches(cycles.iter().map(|c| (c.time_ns, (class(c.phase), phase_name(c.phase)))))
 }

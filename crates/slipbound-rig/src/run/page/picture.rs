@@ -1,4 +1,4 @@
-//! A picture twice: whole, as a PNG file, and small, as a JPEG for the page.
+//! An image twice: in full size, as a PNG file, and small, as a JPEG for the page.
 
 use crate::run::error::Error;
 use crate::sheet::picture;
@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
 
-/// Writes the PNG; answers the JPEG.
+/// Writes the PNG; returns the JPEG.
 pub(in crate::run) fn write(path: &Path, rgb: Rgb<'_>) -> Result<Vec<u8>, Error> {
     let size = rgb.size();
     let pixels = (0..size.height).flat_map(|y| rgb.row(y).as_chunks::<3>().0);

@@ -14,7 +14,7 @@ use std::fmt;
 
 /// A number on a mark.
 const BADGE_PX: f64 = 16.0;
-/// Numbers of marks close to each other stand in so many rows at most.
+/// Numbers of marks close to each other are put in this many rows at most.
 const BADGE_ROWS_MOST: usize = 3;
 /// Points drawn of one line: more than there are pixels.
 const POINTS_MOST: [usize; 2] = [1600, 500];
@@ -22,7 +22,7 @@ const POINTS_MOST: [usize; 2] = [1600, 500];
 const TOOLTIPS_MOST: [usize; 2] = [180, 60];
 /// Height of a narrow plot, as a share of that of a wide one.
 const NARROW_HEIGHT_FRACTION: f64 = 0.8;
-/// Numbers beyond this are drawn as gaps: no force, angle or distance of a hand is there.
+/// Numbers beyond this are drawn as gaps: no force, angle or distance of a hand is that large.
 const DRAWN_MOST: f64 = 1e7;
 
 /// A slip, marked through all plots.
@@ -49,7 +49,7 @@ impl Timeline {
     /// Writes a plot with its title and the names of its lines, wide and narrow.
     pub fn write(&self, f: &mut fmt::Formatter<'_>, panel: &Panel, number: usize, is_last: bool) -> fmt::Result {
         writeln!(f, "<figure class=\"plot\">\n<figcaption><b>{}</b>, {}", panel.title, panel.unit)?;
-        // A line alone is what the title says, unless it has a name of its own.
+        // A single line is named by the title, unless it has a name of its own.
         let is_named = |line: &&Line| !line.name.is_empty();
         for line in panel.lines.iter().filter(is_named) {
             let class = match line.stroke {
@@ -107,7 +107,7 @@ impl Timeline {
     }
 }
 
-/// Where the axes of a plot stand, and whether the time below them has a name.
+/// Position of a plot's axes, and whether the time below them has a name.
 #[derive(Debug, Clone, Copy)]
 struct Frame {
     top_px: f64,
@@ -128,7 +128,7 @@ fn badge_rows(time: &TimeAxis, marks: &[Mark]) -> Vec<Option<usize>> {
     marks.iter().map(&mut row).collect()
 }
 
-/// Axes, grid, areas and lines: what stands between kuva's `<svg ...>` and `</svg>`.
+/// Axes, grid, areas and lines: the content between kuva's `<svg ...>` and `</svg>`.
 fn drawn(time: &TimeAxis, panel: &Panel, times_ns: &[u64], frame: Frame) -> String {
     let Frame { top_px, height_px, bottom_px, is_last } = frame;
     let width = time.width;
@@ -155,7 +155,7 @@ fn drawn(time: &TimeAxis, panel: &Panel, times_ns: &[u64], frame: Frame) -> Stri
         .with_tick_size(12)
         .with_label_size(12);
     if width == Width::Wide {
-        layout = layout.with_y_label(panel.unit); // a narrow one has no room for what stands above it, too
+        layout = layout.with_y_label(panel.unit); // a narrow plot has no room for it
     }
     if is_last {
         layout = layout.with_x_label(time.label());
@@ -213,7 +213,7 @@ fn pieces(line: &Line, times_ns: &[u64], most: usize) -> Vec<Vec<(f64, f64)>> {
         .collect()
 }
 
-/// The same picture with fewer points: of each stretch the least and the largest, in their order.
+/// The same curve with fewer points: the least and the largest of each stretch, in their order.
 fn thinned(points: &[(f64, f64)], most: usize) -> Vec<(f64, f64)> {
     if points.len() <= most {
         return points.to_vec();
@@ -230,7 +230,7 @@ fn thinned(points: &[(f64, f64)], most: usize) -> Vec<(f64, f64)> {
     kept
 }
 
-/// A transparent column for each stretch of time that says what the lines are there.
+/// A transparent column for each stretch of time; its tooltip gives the values of the lines.
 fn tooltips(
     f: &mut fmt::Formatter<'_>,
     time: &TimeAxis,

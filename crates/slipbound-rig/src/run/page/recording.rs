@@ -1,4 +1,4 @@
-//! The page that shows a judged recording: one file, no other needed, no script. It looks like that of a run.
+//! The page that shows a judged recording: one self-contained file without script. It looks like that of a run.
 //!
 //! ```text
 //!   title, totals
@@ -25,7 +25,7 @@ use slipbound::plane::Vec2;
 use slipbound::port::FrameBuffer;
 use std::fmt;
 
-/// Times that begin later are those of a clock on a wall: they are counted from the first frame.
+/// Times that begin later are wall-clock times: they are counted from the first frame.
 const CLOCK_FROM_NS: u64 = 3_600_000_000_000;
 
 /// Collects what the page shows, frame by frame.
@@ -56,7 +56,7 @@ struct Slip {
 struct Shown<'a>(&'a RecordingPage, &'a ReportSummary);
 
 impl RecordingPage {
-    /// Before the first frame. `below`: what stands under the title, beside the finger.
+    /// Before the first frame. `below`: text under the title, beside the finger.
     pub fn new(source: &str, finger: &str, below: Option<&str>, monitor: &SlipMonitor) -> Self {
         let sensor = monitor.sensor();
         let table = |text: Result<String, toml::ser::Error>| text.unwrap_or_else(|e| e.to_string());
@@ -80,7 +80,7 @@ impl RecordingPage {
         self.reports.push(*report);
     }
 
-    /// Takes an event that the frame judged last brought, in words.
+    /// Takes an event of the frame judged last, in words.
     pub fn event(&mut self, event: &SlipEvent, words: &str, frame: &FrameBuffer, monitor: &SlipMonitor) {
         let place = match *event {
             SlipEvent::Begins { seq, time_ns, .. } | SlipEvent::Ends { seq, time_ns, .. } => (seq, time_ns),
@@ -110,7 +110,7 @@ impl RecordingPage {
         if first_ns > CLOCK_FROM_NS { first_ns } else { 0 }
     }
 
-    /// Where a frame stands on the axis.
+    /// Position of a frame on the axis.
     fn at_ns(&self, (seq, time_ns): Place) -> u64 {
         match time_ns.filter(|_| self.has_times()) {
             Some(time_ns) => time_ns.saturating_sub(self.origin_ns()),

@@ -17,7 +17,7 @@ const NAMED_PX: f64 = 56.0;
 pub(super) enum Row {
     /// Stretches, and gaps.
     Bands(Vec<Stretch<Option<Shown>>>),
-    /// Moments and what was noted of them.
+    /// Times and their notes.
     Notes(Vec<(u64, String)>),
 }
 

@@ -45,7 +45,7 @@ pub(super) fn in_words(event: &TimedEvent) -> String {
     }
 }
 
-/// `around and pivot` as directions a reader can point in, with a space behind.
+/// `around and pivot` as full phrases for the reader, with a comma and a space behind.
 fn ways(direction: &str) -> String {
     let words = direction.split(" and ").filter_map(|word| match word {
         "along" => Some("along the fingers"),

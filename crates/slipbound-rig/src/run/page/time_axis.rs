@@ -3,12 +3,12 @@
 use super::text::seconds;
 use slipbound::control::Cycle;
 
-/// How wide a plot is, in the units of its view box: each is drawn for a screen and for a telephone, with letters of one size.
+/// Width of a plot, in the units of its view box: each is drawn for a screen and for a phone, with one letter size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Width {
     /// For a window.
     Wide,
-    /// For a window that is as narrow as a telephone.
+    /// For a window that is as narrow as a phone.
     Narrow,
 }
 
@@ -47,7 +47,7 @@ impl Width {
     }
 }
 
-/// What a time of the axis is.
+/// The unit of the axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TimeUnit {
     /// Nanoseconds, as everywhere.
@@ -101,7 +101,7 @@ impl TimeAxis {
         }
     }
 
-    /// What stands below the axis.
+    /// The label below the axis.
     pub fn label(&self) -> &'static str {
         match self.unit {
             TimeUnit::Seconds => "time, s",

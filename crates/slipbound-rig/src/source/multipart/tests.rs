@@ -3,8 +3,8 @@
 use super::*;
 use proptest::prelude::*;
 
-/// All that comes out of a stream that arrives in pieces of these lengths (the last one again and again), and the most
-/// bytes that were kept at a time.
+/// All output for a stream that arrives in pieces of these lengths (the last one again and again), and the most bytes
+/// that were kept at a time.
 fn parts(boundary: &str, stream: &[u8], pieces: &[usize]) -> (Vec<Vec<u8>>, Result<Found, Fault>, usize) {
     let mut parser = Multipart::new(boundary);
     let (mut found, mut part, mut rest, mut kept_bytes) = (Vec::new(), Vec::new(), stream, 0);

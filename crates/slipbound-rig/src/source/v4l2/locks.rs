@@ -1,5 +1,5 @@
-//! Exposure, gain, white balance and focus, taken out of the camera's own hands: a picture that changes its brightness by
-//! itself looks like a contact, and one that focuses moves every marker.
+//! Locks exposure, gain, white balance and focus: an automatic change of brightness looks like a contact, and one of
+//! focus moves every marker.
 
 use super::options::{LOCKS, Lock};
 use super::sys::Device;
@@ -22,7 +22,7 @@ const CONTROLS: [Controls; 4] = [
 /// Lets exposure lower the frame rate (`V4L2_CID_EXPOSURE_AUTO_PRIORITY`).
 const EXPOSURE_BEFORE_RATE: u32 = 0x009a_0903;
 
-/// Whether the camera changes something by itself now, so that it is worth waiting for where it settles.
+/// Whether the camera changes something automatically, so that it must be given time to settle.
 pub fn can_change(device: &Device) -> bool {
     CONTROLS.iter().any(|controls| device.control(controls.switch).is_ok_and(|value| value != controls.manual))
 }
@@ -30,8 +30,8 @@ pub fn can_change(device: &Device) -> bool {
 /// Facts of a camera, as names and values.
 pub type Facts = Vec<(String, String)>;
 
-/// Locks what is to be locked; what it is locked at, in words and as values, None for what is not. Fails for a value that the
-/// camera does not have.
+/// Locks the requested controls; returns their locked values in words and as values, None for those not locked. Fails
+/// for a value that the camera does not have.
 pub fn lock(device: &Device, locks: &[Lock; 4]) -> Result<(Facts, [Option<i32>; 4]), String> {
     if device.control_range(EXPOSURE_BEFORE_RATE).is_some() {
         // A camera that refuses only runs slower in the dark, which its rate shows.
@@ -53,7 +53,7 @@ fn lock_one(device: &Device, name: &str, controls: &Controls, lock: Lock) -> Res
     }
     if device.control_range(controls.switch).is_some() {
         let set = device.set_control(controls.switch, controls.manual);
-        // Some cameras have a switch that knows no manual setting; a value they were given must still be taken.
+        // Some cameras have a switch without a manual setting; a value given to them must still be accepted.
         if let (Err(e), Lock::Here | Lock::Again(_)) = (set, lock) {
             return Ok((format!("not locked: the camera refuses ({e})"), None));
         }
@@ -70,7 +70,8 @@ fn lock_one(device: &Device, name: &str, controls: &Controls, lock: Lock) -> Res
             Ok(locked(device, controls))
         }
         (Lock::Again(value), Some(_)) => {
-            // Refused, it is locked where it is now, which is told as a difference: a camera that is back is better than none.
+            // If refused, it is locked at its present value and reported as a difference: a camera that is back is
+            // better than none.
             let _ = device.set_control(controls.value, value);
             Ok(locked(device, controls))
         }

@@ -1,4 +1,4 @@
-//! Which cameras there are: `/sys/class/video4linux`, and what each node says of itself.
+//! The available cameras: `/sys/class/video4linux`, and what each node reports about itself.
 
 use super::sys::{Device, STREAMS_PICTURES};
 use crate::devices::CameraNode;
@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 /// Where the kernel lists video devices.
 const LIST: &str = "/sys/class/video4linux";
 
-/// How far above a node the USB device with the serial number may be.
+/// Levels above a node at which the USB device with the serial number is searched.
 const LEVELS_MOST: usize = 6;
 
-/// Every camera that streams pictures, by number. Nodes that do not (a camera's metadata, say) are left out, and so are
-/// those that may not be opened: their paths and reasons are the second answer.
+/// Every camera that streams images, by number. Nodes that do not (a camera's metadata, say) are left out, and so are
+/// those that cannot be opened: the second result holds their paths and reasons.
 pub fn cameras() -> (Vec<CameraNode>, Vec<String>) {
     let (mut found, mut refused) = (Vec::new(), Vec::new());
     let Ok(list) = fs::read_dir(LIST) else { return (found, refused) };
@@ -29,7 +29,7 @@ pub fn cameras() -> (Vec<CameraNode>, Vec<String>) {
     (found, refused)
 }
 
-/// The camera behind a node; None when it does not stream pictures.
+/// The camera behind a node; None when it does not stream images.
 pub(super) fn look(path: &Path, listed: &Path) -> std::io::Result<Option<CameraNode>> {
     let device = Device::open(path)?;
     let identity = device.identity()?;
@@ -58,7 +58,8 @@ pub(super) fn four_letters(four_cc: &[u8; 4]) -> String {
     four_cc.iter().map(|&letter| if letter.is_ascii_graphic() { char::from(letter) } else { ' ' }).collect()
 }
 
-/// The one camera that `wanted` names: by path, serial number, whole name, or part of a name; in words why not otherwise.
+/// The one camera that `wanted` names: by path, serial number, whole name, or part of a name; the error says why there
+/// is none.
 pub(super) fn choose<'a>(cameras: &'a [CameraNode], wanted: &str) -> Result<&'a CameraNode, String> {
     let is = |test: &dyn Fn(&CameraNode) -> bool| cameras.iter().filter(|c| test(c)).collect::<Vec<_>>();
     let lower = wanted.to_lowercase();
@@ -82,7 +83,7 @@ pub(super) fn choose<'a>(cameras: &'a [CameraNode], wanted: &str) -> Result<&'a 
         match is(test).as_slice() {
             [] => {}
             [only] => return Ok(only),
-            // Nodes of one camera that both stream: the first, as every program takes.
+            // Several streaming nodes of one camera: the first, as every program takes.
             [first, others @ ..] if first.serial.is_some() && others.iter().all(|o| o.serial == first.serial) => {
                 return Ok(first);
             }

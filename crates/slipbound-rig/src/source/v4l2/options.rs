@@ -5,21 +5,21 @@ use super::nodes::four_letters;
 /// The automatic settings that can be locked, in the order of [`Options::locks`].
 pub const LOCKS: [&str; 4] = ["exposure", "gain", "white_balance", "focus"];
 
-/// How pixels come.
+/// Pixel format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PixelKind {
-    /// A JPEG a picture.
+    /// One JPEG per image.
     Mjpg,
     /// Two pixels in four bytes.
     Yuyv,
-    /// A byte a pixel.
+    /// One byte per pixel.
     Grey,
 }
 
 impl PixelKind {
     const ALL: [PixelKind; 3] = [PixelKind::Mjpg, PixelKind::Yuyv, PixelKind::Grey];
 
-    /// The kernel's letters for it.
+    /// The kernel's four letters for it.
     pub const fn four_cc(self) -> [u8; 4] {
         match self {
             PixelKind::Mjpg => *b"MJPG",
@@ -29,7 +29,7 @@ impl PixelKind {
     }
 }
 
-/// What is to become of an automatic setting.
+/// What to do with an automatic setting.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Lock {
     /// Locked at the value it has.
@@ -37,18 +37,18 @@ pub enum Lock {
     Here,
     /// Locked at this value.
     At(i32),
-    /// Locked at the value that it was locked at before, if the camera still takes it.
+    /// Locked again at its earlier value, if the camera still accepts it.
     Again(i32),
     /// Left to the camera.
     Auto,
 }
 
-/// What was asked for.
+/// The request.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Options {
     /// Path, serial or name.
     pub camera: String,
-    /// How pixels are to come.
+    /// The pixel format.
     pub kind: Option<PixelKind>,
     /// Width and height, px.
     pub size: Option<(u32, u32)>,
@@ -59,7 +59,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// `v4l2:CAMERA?key=value&...`; in words what was expected otherwise.
+    /// `v4l2:CAMERA?key=value&...`; the error says what was expected.
     pub fn parse(uri: &str) -> Result<Self, String> {
         let rest = uri.strip_prefix("v4l2:").ok_or("v4l2:PATH, NAME or SERIAL")?;
         let (camera, pairs) = rest.split_once('?').unwrap_or((rest, ""));
@@ -96,7 +96,7 @@ impl Options {
         Ok(options)
     }
 
-    /// How the pixels of a camera that can do these come; in words what to do where it cannot be.
+    /// The pixel format for a camera that offers these; the error says what to do where there is none.
     pub fn kind_of(&self, offered: &[[u8; 4]]) -> Result<PixelKind, String> {
         let wanted = self.kind.map_or(PixelKind::ALL.to_vec(), |kind| vec![kind]);
         if let Some(kind) = wanted.into_iter().find(|kind| offered.contains(&kind.four_cc())) {
@@ -115,7 +115,7 @@ impl Options {
     }
 }
 
-/// Whether pixels are of one colour each, as the sensor has them, of 8 to 16 bits.
+/// Whether this is a raw Bayer format, of 8 to 16 bits.
 fn is_bayer(four_cc: &[u8; 4]) -> bool {
     let orders = [&b"BA"[..], b"GB", b"GR", b"RG", b"BG", b"BY", b"pB", b"pG", b"pR", b"pg"];
     let is_other = four_cc == b"GREY" || four_cc.starts_with(b"RGB") || four_cc.starts_with(b"BGR");

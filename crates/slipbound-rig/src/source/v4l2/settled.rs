@@ -1,23 +1,23 @@
-//! What a camera was set to when it was started first, so that it is set to the same when it comes back.
+//! The settings of a camera when it first started, so that it gets the same when it comes back.
 //!
-//! A rest frame is of one exposure and one size: a camera that settles anew after it was unplugged may be brighter than that.
+//! A rest frame has one exposure and one size: a camera that settles again after it was unplugged may be brighter.
 
 use super::options::{LOCKS, Lock, Options, PixelKind};
 
 /// What was negotiated and locked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settled {
-    /// How pixels come.
+    /// Pixel format.
     pub kind: PixelKind,
     /// Width and height, px.
     pub size: (u32, u32),
     /// Frames per second, as far as the driver says.
     pub rate_hz: Option<f64>,
-    /// The values of [`LOCKS`]; None where the camera has none, or it is left to the camera.
+    /// The values of [`LOCKS`]; None where the camera has no such control, or it is left to the camera.
     pub locked: [Option<i32>; 4],
 }
 
-/// What to ask for when the camera is back: what was asked for first, and what was chosen then where nothing was.
+/// What to request when the camera is back: the first request, with the values chosen then where it left them open.
 pub fn pinned(options: &Options, first: &Settled) -> Options {
     let mut locks = options.locks;
     for (lock, value) in locks.iter_mut().zip(first.locked) {
@@ -34,8 +34,8 @@ pub fn pinned(options: &Options, first: &Settled) -> Options {
     }
 }
 
-/// In what a camera that is back is set otherwise than at first, in words; None when it is not. Format and size are the same
-/// where it is back.
+/// How the settings of a camera that is back differ from the first ones, in words; None when they do not. Format and
+/// size are always the same.
 pub fn difference(first: &Settled, now: &Settled) -> Option<String> {
     let rate = |of: &Settled| of.rate_hz.map_or("unknown".into(), |hz| format!("{hz:.2}"));
     let mut facts = vec![("rate_hz", rate(first), rate(now))];

@@ -13,17 +13,17 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 use std::ptr::NonNull;
 
-/// A single picture plane is captured (`V4L2_BUF_TYPE_VIDEO_CAPTURE`).
+/// A single image plane is captured (`V4L2_BUF_TYPE_VIDEO_CAPTURE`).
 const CAPTURE: u32 = 1;
 /// Buffers are memory of the kernel (`V4L2_MEMORY_MMAP`).
 const MMAP: u32 = 1;
 
-/// The device hands over pictures (`V4L2_CAP_VIDEO_CAPTURE`) by buffers (`V4L2_CAP_STREAMING`).
+/// The device hands over images (`V4L2_CAP_VIDEO_CAPTURE`) by buffers (`V4L2_CAP_STREAMING`).
 pub const STREAMS_PICTURES: u32 = 0x0000_0001 | 0x0400_0000;
-/// `V4L2_CAP_DEVICE_CAPS`: `device_caps` says what this node can, `capabilities` what the whole device can.
+/// `V4L2_CAP_DEVICE_CAPS`: `device_caps` describes this node, `capabilities` the whole device.
 const HAS_DEVICE_CAPS: u32 = 0x8000_0000;
 
-/// The driver marked the picture as damaged (`V4L2_BUF_FLAG_ERROR`).
+/// The driver marked the image as damaged (`V4L2_BUF_FLAG_ERROR`).
 pub const DAMAGED: u32 = 0x40;
 /// `V4L2_BUF_FLAG_TIMESTAMP_MASK`, and the value for the system's monotonic clock.
 pub const STAMP_MASK: u32 = 0xe000;
@@ -40,7 +40,7 @@ const fn request<T>(direction: u32, number: u32) -> libc::Ioctl {
     (direction << 30 | (size_of::<T>() as u32) << 16 | (b'V' as u32) << 8 | number) as libc::Ioctl
 }
 
-/// Structures of the kernel: `repr(C)`, whole numbers only, so that any bytes are a value.
+/// Structures of the kernel: `repr(C)`, integers only, so that any bytes are a value.
 ///
 /// # Safety
 /// The structure must be just that.
@@ -82,7 +82,7 @@ struct FormatDescription {
     reserved: [u32; 3],
 }
 
-/// The layout of a picture.
+/// The layout of an image.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PictureLayout {
@@ -90,12 +90,12 @@ pub struct PictureLayout {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Four letters for the kind of pixels.
+    /// Four letters for the pixel format.
     pub four_cc: [u8; 4],
     field: u32,
-    /// Bytes from row to row; 0 where that means nothing.
+    /// Row stride, bytes; 0 where that has no meaning.
     pub row_bytes: u32,
-    /// Most bytes of a picture.
+    /// Most bytes of an image.
     pub picture_bytes: u32,
     more: [u32; 6],
 }
@@ -180,14 +180,14 @@ plain! {
     ControlValue: 8, ControlQuery: 68, SizeQuery: 44, libc::c_int: 4,
 }
 
-/// What a node says it is.
+/// The identity that a node reports.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Identity {
     /// The camera's name.
     pub card: String,
     /// The driver.
     pub driver: String,
-    /// What this node can, see [`STREAMS_PICTURES`].
+    /// The capabilities of this node, see [`STREAMS_PICTURES`].
     pub can: u32,
 }
 
@@ -227,7 +227,7 @@ impl Device {
         }
     }
 
-    /// What it is.
+    /// Its identity.
     pub fn identity(&self) -> io::Result<Identity> {
         let mut capability = Capability::zero();
         self.call(READ, 0, &mut capability)?;
@@ -236,7 +236,7 @@ impl Device {
         Ok(Identity { card: text(&capability.card), driver: text(&capability.driver), can })
     }
 
-    /// Four letters for every kind of pixels it can give.
+    /// Four letters for every pixel format that it offers.
     pub fn formats(&self) -> Vec<[u8; 4]> {
         let format = |index| {
             let mut format = FormatDescription { index, kind: CAPTURE, ..FormatDescription::zero() };
@@ -245,7 +245,7 @@ impl Device {
         (0..64).map_while(format).collect()
     }
 
-    /// The sizes of pictures of this kind, width and height; of a range the least and the greatest.
+    /// The image sizes of this format, width and height; of a range the least and the greatest.
     pub fn sizes(&self, four_cc: [u8; 4]) -> Vec<(u32, u32)> {
         let mut sizes = Vec::new();
         for index in 0..64 {
@@ -263,14 +263,14 @@ impl Device {
         sizes
     }
 
-    /// The layout of the pictures it is set to.
+    /// The image layout that is set.
     pub fn layout(&self) -> io::Result<PictureLayout> {
         let mut format = Format { kind: CAPTURE, ..Format::zero() };
         self.call(READ | WRITE, 4, &mut format)?;
         Ok(format.layout)
     }
 
-    /// Asks for a layout; the answer is what the driver made of it.
+    /// Requests a layout; returns what the driver set.
     pub fn set_layout(&self, width: u32, height: u32, four_cc: [u8; 4]) -> io::Result<PictureLayout> {
         let mut format = Format { kind: CAPTURE, ..Format::zero() };
         self.call(READ | WRITE, 4, &mut format)?;
@@ -280,14 +280,14 @@ impl Device {
         Ok(format.layout)
     }
 
-    /// Asks for a rate if one is given; answers with the rate that is set, Hz; None where the driver does not say.
+    /// Requests a rate if one is given; returns the rate that is set, Hz; None if the driver does not state it.
     pub fn set_rate(&self, rate_hz: Option<f64>) -> Option<f64> {
         let mut parameters = StreamParameters { kind: CAPTURE, ..StreamParameters::zero() };
         self.call(READ | WRITE, 21, &mut parameters).ok()?;
         if let Some(rate_hz) = rate_hz {
             (parameters.interval_numerator, parameters.interval_denominator) =
                 (1000, (rate_hz * 1000.0).round() as u32);
-            // What it refuses shows in the rate that is set.
+            // A refusal shows in the rate that is set.
             let _ = self.call(READ | WRITE, 22, &mut parameters);
             self.call(READ | WRITE, 21, &mut parameters).ok()?;
         }
@@ -295,7 +295,7 @@ impl Device {
         (interval_numerator > 0).then(|| f64::from(interval_denominator) / f64::from(interval_numerator))
     }
 
-    /// The range of a control; None where the camera has none of that number.
+    /// The range of a control; None if the camera has no control of that number.
     pub fn control_range(&self, id: u32) -> Option<ControlRange> {
         let mut query = ControlQuery { id, ..ControlQuery::zero() };
         self.call(READ | WRITE, 36, &mut query).ok()?;
@@ -315,14 +315,14 @@ impl Device {
     }
 }
 
-/// A picture as the driver hands it over.
+/// An image as the driver hands it over.
 #[derive(Debug, Clone, Copy)]
 pub struct Picture<'a> {
     /// Its bytes.
     pub bytes: &'a [u8],
-    /// The driver's running number; a gap is a picture that was lost.
+    /// The driver's running number; a gap is an image that was lost.
     pub sequence: u32,
-    /// Time of the driver, ns.
+    /// Time stamp of the driver, ns.
     pub stamp_ns: u64,
     /// See [`DAMAGED`] and [`STAMP_MASK`].
     pub flags: u32,
@@ -354,7 +354,7 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// Gives the driver so many buffers and starts it.
+    /// Gives the driver this many buffers and starts it.
     pub fn start(device: Device, buffers_count: u32) -> io::Result<Self> {
         let mut asked = BuffersRequest { count: buffers_count, kind: CAPTURE, memory: MMAP, ..BuffersRequest::zero() };
         device.call(READ | WRITE, 8, &mut asked)?;
@@ -385,7 +385,7 @@ impl Stream {
         &self.device
     }
 
-    /// Waits for a picture for so long at most; whether there is one. An error means that the camera is gone.
+    /// Waits at most this long for an image; returns whether there is one. An error means that the camera is gone.
     pub fn wait(&self, longest_ms: u16) -> io::Result<bool> {
         let mut poll = libc::pollfd { fd: self.device.0.as_raw_fd(), events: libc::POLLIN, revents: 0 };
         // SAFETY: one valid, exclusive `pollfd`, as the count says.
@@ -403,7 +403,7 @@ impl Stream {
         }
     }
 
-    /// Shows the oldest picture that waits to `see`, then gives its buffer back to the driver; None when none waits.
+    /// Passes the oldest waiting image to `see`, then returns its buffer to the driver; None when none waits.
     pub fn take<T>(&mut self, see: impl FnOnce(Picture<'_>) -> T) -> io::Result<Option<T>> {
         let mut buffer = Buffer { kind: CAPTURE, memory: MMAP, ..Buffer::zero() };
         match self.device.call(READ | WRITE, 17, &mut buffer) {
@@ -431,7 +431,7 @@ impl Drop for Stream {
     }
 }
 
-/// Letters up to the first zero.
+/// Text up to the first zero.
 fn text(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).trim().to_owned()

@@ -5,12 +5,12 @@ use std::fmt;
 
 /// The sum of displacement must be at least this, in pitches: half a dozen markers by a tenth each.
 pub(super) const LEAST_SUM_PITCH: f64 = 0.6;
-/// Standard deviation of the sum over the frames in which it hangs, as a share of the load, up to which it hangs still.
+/// Largest standard deviation of the sum over the frames of the hanging mass, as a share of the load.
 pub(super) const MOST_SCATTER: f64 = 0.1;
-/// Standard error of the difference of both means, as a share of it.
+/// Largest standard error of the difference of both means, as a share of it.
 pub(super) const MOST_ERROR: f64 = 0.05;
-/// Most of the load that the outermost markers may show: with more, part of the skin that bears it is out of view. In
-/// simulation 0.02 to 0.05 in full view (stiffness 2 to 21 % too high), 0.25 to 0.32 where the contact is cut (21 to 76 %).
+/// Largest share of the load at the outermost markers: with more, part of the loaded skin is out of view. In simulation
+/// 0.02 to 0.05 in full view (stiffness 2 to 21 % too high), 0.25 to 0.32 where the contact is cut (21 to 76 %).
 pub(super) const MOST_AT_BORDER: f64 = 0.1;
 
 /// Why there is no stiffness.
@@ -21,19 +21,19 @@ pub enum ShearError {
         /// Frames there were.
         got_count: usize,
     },
-    /// Too few frames show it held while it still stands.
+    /// Too few frames show it held while it is still supported.
     NotHeld {
         /// Frames there were.
         got_count: usize,
     },
-    /// Nothing touches the finger in them.
+    /// No contact in these frames.
     NoContact,
-    /// It slips: then friction bears the mass, not the skin alone.
+    /// It slips: then friction carries the mass, not the skin alone.
     Slips {
         /// Number of the frame.
         seq: u64,
     },
-    /// Markers are out of sight, and what they bear with them.
+    /// Markers are lost, and their share of the load with them.
     MarkersLost {
         /// Number of the frame.
         seq: u64,
@@ -42,7 +42,7 @@ pub enum ShearError {
         /// Markers in all.
         markers_count: usize,
     },
-    /// The outermost markers move, too: what is beyond them is not seen.
+    /// The outermost markers move, too: skin beyond them is not visible.
     Cut {
         /// Share of the load that they show.
         at_border_fraction: f64,

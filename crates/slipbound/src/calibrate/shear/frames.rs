@@ -1,16 +1,16 @@
-//! What each frame of the recording shows, and in which of them the mass is held or hangs still.
+//! Measurements of each frame of the recording, and the frames in which the mass is held or hangs still.
 
 use crate::calibrate::fit::{median, robust_sigma};
 use crate::monitor::{Marker, SlipReport, SlipState};
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
-/// Fewest frames in which it is held, and hangs.
+/// Fewest frames in which the mass is held, and in which it hangs.
 pub(super) const FEWEST_FRAMES: usize = 5;
-/// Frames are alike when their sums differ by no more than this share of the load, or by the noise: these many standard
-/// deviations along each axis, beyond which 1 of 450 frames lies.
+/// Frames are alike when their sums differ by at most this share of the load, or by at most this many standard
+/// deviations of the noise along each axis, which 1 of 450 frames exceeds.
 const ALIKE: (f64, f64) = (0.05, 3.5);
-/// A marker is an outermost one when no other lies within so many pitches over a sector as wide as this.
+/// A marker is an outermost one when a sector this wide has no other marker within this many pitches.
 const NEIGHBOURS_PITCH: f64 = 2.3;
 const OPEN_SECTOR_RAD: f64 = 2.6;
 
@@ -22,8 +22,8 @@ pub fn displacement_sum_px(markers: &[Marker]) -> Vec2 {
 /// Frames on either side of a frame over which [`steadied`] takes the median.
 const STEADY_FRAMES: usize = 2;
 
-/// The markers of a frame where the median of the frames around it has them: one that jumps to a gap of the weave and
-/// back for a frame or two stays where it was. `frames`: the markers of every frame, in their order.
+/// The markers of a frame at the median of their positions in the frames around it: this removes jumps to a gap of the
+/// weave for a frame or two. `frames`: the markers of every frame, in order.
 pub fn steadied(frames: &[Vec<Marker>], at: usize) -> Vec<Marker> {
     let around = &frames[at.saturating_sub(STEADY_FRAMES)..frames.len().min(at + STEADY_FRAMES + 1)];
     let middle = |i: usize, part: &dyn Fn(&Marker) -> f64| {
@@ -36,7 +36,7 @@ pub fn steadied(frames: &[Vec<Marker>], at: usize) -> Vec<Marker> {
     frames.get(at).into_iter().flatten().enumerate().map(steady).collect()
 }
 
-/// The outermost markers: those beside which a wide sector has no other. True at their places in the list.
+/// The outermost markers: those with a wide sector without other markers. One value per marker, in their order.
 pub fn outermost(sensor: &Sensor, markers: &[Marker]) -> Vec<bool> {
     let reach_px = NEIGHBOURS_PITCH * sensor.pitch_px;
     let is_outermost = |m: &Marker| {
@@ -61,16 +61,16 @@ pub struct HangingFrame {
     pub sum_px: Vec2,
     /// The same of the outermost markers alone.
     pub border_sum_px: Vec2,
-    /// What the monitor said.
+    /// The state reported by the monitor.
     pub state: SlipState,
-    /// Markers out of sight.
+    /// Lost markers.
     pub lost_count: u32,
     /// Markers in all.
     pub markers_count: usize,
 }
 
 impl HangingFrame {
-    /// What a frame shows. `outermost`: from [`outermost`].
+    /// From the report of a frame. `outermost`: from [`outermost`].
     pub fn new(report: &SlipReport, markers: &[Marker], outermost: &[bool]) -> Self {
         let at_border = markers.iter().zip(outermost).filter(|(_, outermost)| **outermost);
         HangingFrame {
@@ -84,7 +84,7 @@ impl HangingFrame {
     }
 }
 
-/// What one frame differs from the next by noise: the standard deviation of a sum along each axis, px.
+/// Noise from the differences of successive frames: the standard deviation of a sum along each axis, px.
 fn noise_px(frames: &[HangingFrame]) -> f64 {
     let steps: Vec<f64> = frames.windows(2).map(|pair| (pair[1].sum_px - pair[0].sum_px).length()).collect();
     robust_sigma(&steps) / std::f64::consts::SQRT_2
@@ -104,8 +104,8 @@ pub fn stationary_end(frames: &[HangingFrame]) -> &[HangingFrame] {
     &frames[frames.len() - count..]
 }
 
-/// The longest stationary run of frames with contact before the mass hangs: it is held and still stands. Of equally long ones
-/// the first; empty when none is long enough. `before`: all frames before those in which it hangs, `hanging` those.
+/// The longest stationary run of frames with contact before the mass hangs: it is held and still supported. The first
+/// of equally long ones; empty when none is long enough. `before`: all frames before the `hanging` ones.
 pub fn stationary_held<'a>(before: &'a [HangingFrame], hanging: &[HangingFrame]) -> &'a [HangingFrame] {
     let noise_px = noise_px(before);
     let end = middle(hanging);

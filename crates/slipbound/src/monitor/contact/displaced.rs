@@ -1,13 +1,14 @@
-//! Contact where the picture shows none: the gel is sheared.
+//! Contact from shear of the gel, where the image shows none.
 //!
 //! ```text
-//!   markers that have left where they stood untouched, as their neighbours have      region
+//!   markers displaced from their untouched positions, like their neighbours          region
 //!      . . . . . .                                                                  .------.
 //!      . > > > > .      longer than a share of the longest      -- discs, holes --> |######|
 //!      . > > > > .                                                filled            '------'
 //! ```
 //!
-//! A flat face that covers the whole pad has no rim in the picture of a smooth gel, and a light one presses no weave: what it drags it still shows.
+//! A flat face that covers the whole pad has no visible rim on a smooth gel, and a light one does not press the weave.
+//! Both still displace markers when they drag the gel.
 
 use crate::image::Mask;
 use crate::monitor::report::Marker;
@@ -16,38 +17,40 @@ use crate::pixels::patch::write_disc;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
-/// Neighbours of a marker lie within this of it at rest, pitches: those at its sides.
+/// Neighbours of a marker are within this distance at rest, pitches: those at its sides.
 const NEIGHBOUR_PITCH: f64 = 1.3;
-/// Most neighbours that are asked.
+/// Most neighbours used.
 const NEIGHBOURS_COUNT: usize = 6;
-/// A marker is believed whose displacement differs from the mean of its neighbours' by no more than this share of its length.
+/// A displacement is accepted if it differs from the mean of its neighbours' by at most this share of its length.
 const DISAGREEMENT_FRACTION: f64 = 0.5;
-/// Share of the longest displacement from which a marker lies in the contact. Beside a patch that sticks the gel is dragged along.
+/// Share of the longest displacement from which a marker is in contact. The gel beside a sticking patch is dragged
+/// along.
 const REGION_FRACTION: f64 = 0.4;
-/// Contact ends where less than this share of the longest displacement of this contact is left: the gel creeps back slowly.
+/// Contact ends when displacement falls below this share of the longest one of this contact: the gel creeps back
+/// slowly.
 const LEFT_FRACTION: f64 = 0.1;
-/// Radius around a marker that is said to touch, pitches: discs of neighbours on either lattice leave no gap.
+/// Radius of the disc around a marker in contact, pitches: discs of neighbours on either lattice leave no gap.
 const RADIUS_PITCH: f64 = 0.75;
 
 /// Finds contact from displacement; owns all scratch.
 #[derive(Debug, Clone)]
 pub(super) struct DisplacedContact {
-    /// Of each marker those at its sides.
+    /// The neighbours at the sides of each marker.
     neighbours: Vec<[Option<u32>; NEIGHBOURS_COUNT]>,
-    /// Displacement from rest that is no sign of contact: the shortest since something last touched.
+    /// Displacement from rest that does not indicate contact: the shortest since the last contact.
     slack_px: Vec<Vec2>,
-    /// Displacement beyond that, zero where it is not believed.
+    /// Displacement beyond that, zero where it is rejected.
     moved_px: Vec<Vec2>,
     components: Components,
     radius_px: f64,
     begins_px: f64,
-    /// Whether something touches by this rule, and the longest displacement since it does.
+    /// Whether this rule detects contact, and the longest displacement since it began.
     touches: bool,
     longest_px: f64,
 }
 
 impl DisplacedContact {
-    /// `begins_pitch`: displacement that counts as contact, and none does where it is zero. `rest_px`: markers at rest.
+    /// `begins_pitch`: displacement that counts as contact; None where it is zero. `rest_px`: markers at rest.
     pub fn new(sensor: &Sensor, begins_pitch: f64, rest_px: &[Vec2]) -> Option<Self> {
         if begins_pitch <= 0.0 {
             return None;
@@ -70,18 +73,18 @@ impl DisplacedContact {
         })
     }
 
-    /// The picture shows a contact: from its end on displacement counts from where the markers then are.
+    /// Call it while the image shows a contact: after it, displacement counts from the last positions.
     pub fn yield_to_picture(&mut self, markers: &[Marker]) {
         self.slack_px.iter_mut().zip(markers).for_each(|(slack, m)| *slack = m.now_from_rest());
         (self.touches, self.longest_px) = (false, 0.0);
     }
 
-    /// Writes the region, empty where nothing is displaced; returns how strong the sign is: 0 at the displacement that counts as contact, 1 at
-    /// twice that.
+    /// Writes the region, empty where nothing is displaced; returns the strength: 0 at the displacement that counts as
+    /// contact, 1 at twice that.
     pub fn find(&mut self, markers: &[Marker], region: &mut Mask) -> f64 {
         region.clear();
         if !self.touches {
-            // What is left of the last contact only shrinks.
+            // The displacement left by the last contact only shrinks.
             for (slack, m) in self.slack_px.iter_mut().zip(markers) {
                 let now = m.now_from_rest();
                 *slack = if now.length_squared() < slack.length_squared() { now } else { *slack };
@@ -101,12 +104,12 @@ impl DisplacedContact {
                 write_disc(region, m.now, self.radius_px, true);
             }
         }
-        // What is turned does not move in its middle.
+        // A rotation has no displacement at its centre.
         self.components.fill_holes(region);
         longest_px / self.begins_px - 1.0
     }
 
-    /// Displacement of every marker that its neighbours confirm; returns the longest.
+    /// Measures the displacement of every marker that its neighbours confirm; returns the longest.
     fn measure(&mut self, markers: &[Marker]) -> f64 {
         let moved = |i: usize| {
             let m = &markers[i];
@@ -133,7 +136,7 @@ mod tests {
     use super::*;
     use crate::sensor::tests::smooth;
 
-    /// 12 x 9 markers at 30 px, each displaced as told, px.
+    /// 12 x 9 markers at 30 px, each displaced by `by`, px.
     fn moved(by: impl Fn(Vec2) -> Vec2) -> Vec<Marker> {
         let marker = |id: u32| {
             let rest = Vec2::new(15.0 + 30.0 * f64::from(id % 12), 15.0 + 30.0 * f64::from(id / 12));

@@ -1,9 +1,9 @@
-//! What a finger shows by itself: the smooth light on its gel, separated from the sharper imprint of an object.
+//! The illumination of the untouched gel, separated from the sharper imprint of an object.
 
 use crate::pixels::binomial::Binomial;
 
-/// The rest picture of a finger that is already touched: a smooth surface (a polynomial of degree 6)
-/// fitted to the cells so that the imprint, which is sharper than illumination can be, counts as outliers.
+/// The rest image of a finger that is already touched: a smooth surface (a polynomial of degree 6) fitted robustly to
+/// the cells. The imprint is sharper than illumination can be and counts as outliers.
 pub(crate) fn illumination(cells: &mut [[f32; 3]], covered: &[bool], columns: usize) {
     let rows = cells.len() / columns;
     const DEGREE: usize = 6;
@@ -21,7 +21,7 @@ pub(crate) fn illumination(cells: &mut [[f32; 3]], covered: &[bool], columns: us
         }
         out
     };
-    // Powers take longer than all sums over them; they are the same in every round.
+    // Powers take longer than all sums over them, and are the same in every round.
     let basis: Vec<[f64; TERMS]> = (0..cells.len()).map(basis).collect();
     let mut weight: Vec<f64> = covered.iter().map(|&c| if c { 0.0 } else { 1.0 }).collect();
     let mut fitted = vec![[0.0f64; 3]; cells.len()];
@@ -80,9 +80,9 @@ fn solve<const N: usize, const M: usize>(rows: &mut [[f64; M]; N]) -> Option<[[f
     Some(std::array::from_fn(|r| std::array::from_fn(|c| rows[r][N + c])))
 }
 
-/// How sharp the sharpest parts of a picture of cells are: the 99th percentile of the difference between a cell and
-/// its neighbourhood, in levels. Illumination alone stays below about 5; an imprint does not. A marker cut by the
-/// border of the image is no spot, so cells within `border_cells` of it do not count.
+/// Sharpness of an image of cells: the 99th percentile of the difference between a cell and its neighbourhood, in
+/// levels. Illumination alone stays below about 5; an imprint does not. A marker cut by the border of the image is no
+/// spot, so cells within `border_cells` of the border do not count.
 pub(crate) fn roughness_levels(cells: &[[f32; 3]], covered: &[bool], columns: usize, border_cells: usize) -> f64 {
     let rows = cells.len() / columns;
     let shown = |i: usize| {
@@ -95,7 +95,7 @@ pub(crate) fn roughness_levels(cells: &[[f32; 3]], covered: &[bool], columns: us
     Binomial::new(columns, values.len()).run(&mut values);
     let mut sharp: Vec<f32> = Vec::with_capacity(cells.len());
     for (i, (cell, around)) in cells.iter().zip(&values).enumerate() {
-        // Where half of the neighbourhood is hidden, its mean lies off centre.
+        // Where half of the neighbourhood is hidden, its mean is off centre.
         if shown(i) && around[3] > 0.7 * 256.0 {
             sharp.push((0..3).map(|c| (cell[c] - around[c]).abs()).fold(0.0, f32::max));
         }
@@ -114,7 +114,7 @@ mod tests {
     const COLUMNS: usize = 40;
     const ROWS: usize = 30;
 
-    /// Light on a gel of 40 x 30 cells: a bend of degree 3 in each colour.
+    /// Illumination of a gel of 40 x 30 cells: a polynomial of degree 3 in each colour.
     fn light(i: usize) -> [f32; 3] {
         let (x, y) = ((i % COLUMNS) as f32 / 20.0 - 1.0, (i / COLUMNS) as f32 / 15.0 - 1.0);
         [100.0 + 20.0 * x - 10.0 * x * y, 90.0 - 15.0 * y * y * y + 5.0 * x, 80.0 + 12.0 * x * x * y]
@@ -129,7 +129,7 @@ mod tests {
         cells.iter().enumerate().map(off).fold(0.0, f32::max)
     }
 
-    /// An imprint of some cells, 30 levels brighter or darker by turns, about the middle.
+    /// An imprint around the middle: 30 levels brighter on one side, darker on the other.
     fn imprint(cells: &mut [[f32; 3]], radius_cells: f32) {
         for (i, cell) in cells.iter_mut().enumerate() {
             let (x, y) = ((i % COLUMNS) as f32 - 19.5, (i / COLUMNS) as f32 - 14.5);
@@ -152,14 +152,14 @@ mod tests {
         illumination(&mut touched, &seen, COLUMNS);
         assert!(furthest_levels(&touched) < 0.5, "{} levels of 30 are left", furthest_levels(&touched));
 
-        // Whatever a covered cell shows, black here, it does not count; what lies under it is filled in.
+        // Covered cells, black here, do not count and are filled in.
         let covered: Vec<bool> = (0..COLUMNS * ROWS).map(|i| i.is_multiple_of(7)).collect();
         let mut marked = cells();
         marked.iter_mut().zip(&covered).filter(|(_, covered)| **covered).for_each(|(cell, _)| *cell = [0.0; 3]);
         illumination(&mut marked, &covered, COLUMNS);
         assert!(furthest_levels(&marked) < 1e-3, "{}", furthest_levels(&marked));
 
-        // Where all is covered nothing is known, and the picture stays.
+        // Where all cells are covered, the image stays unchanged.
         let mut hidden = cells();
         imprint(&mut hidden, 6.0);
         let before = hidden.clone();
@@ -176,7 +176,7 @@ mod tests {
         imprint(&mut touched, 6.0);
         let levels = sharp_levels(&touched, &seen);
         assert!((8.0..30.0).contains(&levels), "{levels}");
-        // A spot that lies under a cover, or within three cells of the border, does not count.
+        // A spot in a covered cell, or within three cells of the border, does not count.
         for spots in
             [[(20, 15), (21, 15)], [(0, 15), (2, 8)], [(39, 15), (37, 4)], [(9, 0), (30, 2)], [(9, 29), (30, 27)]]
         {

@@ -1,13 +1,13 @@
-//! The contact region of a smooth gel: where the colour of coarse cells has left the rest picture.
+//! The contact region of a smooth gel: where the colour of coarse cells differs from the rest frame.
 //!
 //! ```text
-//!   object       \\_____________/        the gel slopes most at the rim of the contact, and less from there on outwards:
+//!   object       \\_____________/        the slope of the gel is largest at the rim of the contact:
 //!   gel    ____/                 \____    the region ends where the change falls below a share of the strongest nearby
 //!   change   .:|:._  middle  _.:|:.
-//!              ^ filled: no way out, or only to one side of the view or to two opposite ones, where the view cuts the object
+//!              ^ filled: enclosed, or open to one side of the view or two opposite ones (an object cut by it)
 //! ```
 //!
-//! Cells under a marker, then or now, are left out and filled from their neighbours; a common change of
+//! Cells under a marker, at rest or now, are left out and filled from their neighbours; a common change of
 //! brightness (exposure, a warming LED) is divided out first.
 
 use crate::image::{Mask, SizePx};
@@ -39,13 +39,13 @@ pub(crate) struct ShadingContact {
     rim_fraction: f32,
     rim: Vec<f32>,
     work: Vec<f32>,
-    /// The greatest change but one in a hundred of the last frame.
+    /// The change that one cell in a hundred exceeded in the last frame.
     last_peak: f32,
-    /// Cells that changed, their pieces, and of each piece its cells and its strongest change.
+    /// Cells that changed, their connected pieces, and the number of cells and strongest change of each piece.
     changed: Mask,
     pieces: Components,
     measures: Vec<(usize, f32)>,
-    /// Per piece of what has not changed: at which sides of the view it ends.
+    /// Per unchanged piece: the sides of the view that it reaches.
     sides: Vec<u8>,
     components: Components,
 }
@@ -87,9 +87,9 @@ impl ShadingContact {
         }
     }
 
-    /// Writes the contact region; returns the mean change inside it in levels, and the area that has changed, beyond the rim of the
-    /// contact too, px2. `change_fraction`: what changes less than this share of the strongest change is light that the imprint reflects
-    /// elsewhere, and so is a piece that nowhere reaches twice that share.
+    /// Writes the contact region; returns the mean change inside it in levels, and the changed area, px2, including
+    /// changes beyond the rim of the contact. `change_fraction`: a change below this share of the strongest is light
+    /// reflected by the imprint, and so is a piece that nowhere reaches twice that share.
     pub(crate) fn find(
         &mut self,
         cells: &Cells,
@@ -117,7 +117,7 @@ impl ShadingContact {
         let change_levels = change_levels.max(change_fraction * peak);
         let strength = mean_above(&self.score, change_levels);
         self.rim.copy_from_slice(&self.score);
-        // Joins the lines that the rim of an object leaves into the region between them.
+        // Joins the lines left by the rim of an object into one region.
         self.disc.greatest(&mut self.score);
         // Deviation: D20 the rim ends the region
         if self.rim_fraction > 0.0 {
@@ -129,9 +129,9 @@ impl ShadingContact {
         if self.rim_fraction > 0.0 {
             self.rim.iter_mut().zip(&self.score).for_each(|(rim, &kept)| *rim = if kept > 0.0 { *rim } else { 0.0 });
             self.disc.close(&mut self.rim);
-            // What the region encloses, the flat middle of an object above all, changes less than the rim.
+            // The enclosed area, such as the flat middle of an object, changes less than the rim.
             self.fill_cut(change_levels);
-            // No hole is left then: between neighbouring cells below the level, on to the border, the field is below it.
+            // This leaves no hole: cells below the level connect to the border, and so does the field between them.
             mask_above(&self.rim, columns, cell_px, change_levels, &mut self.changed, region);
         } else {
             mask_above(&self.score, columns, cell_px, change_levels, &mut self.changed, region);
@@ -140,7 +140,7 @@ impl ShadingContact {
         (strength, (changed_count * self.map.cell_px * self.map.cell_px) as f64)
     }
 
-    /// What each channel must be multiplied by to undo a common change of brightness: the median of rest / now.
+    /// Factor of each channel that undoes a common change of brightness: the median of rest / now.
     fn gain(&mut self, cells: &Cells) -> [f32; 3] {
         std::array::from_fn(|channel| {
             self.ratios.clear();
@@ -160,7 +160,7 @@ impl ShadingContact {
     fn peak(&mut self) -> f32 {
         let at = self.score.len() * 99 / 100;
         let wanted = self.score.len() - at;
-        // Those near the last peak are enough to be sorted, where they are as many as are wanted.
+        // Only values near the last peak are searched, if there are enough of them.
         let floor = 0.7 * self.last_peak;
         let mut count = 0;
         for &v in &self.score {
@@ -176,8 +176,8 @@ impl ShadingContact {
         self.last_peak
     }
 
-    /// Fills what the region encloses together with one side of the view or with two opposite ones: the middle of an object that the
-    /// view cuts.
+    /// Fills areas that the region encloses alone, with one side of the view, or with two opposite ones: the middle of
+    /// an object that the view cuts.
     fn fill_cut(&mut self, level: f32) {
         let (columns, rows) = (self.map.columns, self.map.rows);
         at_least(&self.rim, level, &mut self.changed);
@@ -199,7 +199,7 @@ impl ShadingContact {
         }
     }
 
-    /// Drops pieces that are small or reach `peak` nowhere; returns the cells of the others.
+    /// Drops pieces that are small or nowhere reach `peak`; returns the number of cells of the others.
     fn drop_small(&mut self, level: f32, peak: f32) -> usize {
         at_least(&self.score, level, &mut self.changed);
         let columns = self.map.columns;
@@ -235,7 +235,7 @@ const TOP: u8 = 4;
 const BOTTOM: u8 = 8;
 
 wide! {
-    /// Lowers each change to `level` where it is a given share of the strongest nearby, and below that where it is less.
+    /// Scales each change so that `level` is the given share of the strongest change nearby; never raises it.
     fn over_near(change: &mut [f32], near: &[f32], level: f32, fraction: f32) {
         for (change, &near) in change.iter_mut().zip(near) {
             let by_near = if near > 0.0 { level * *change / (fraction * near) } else { 0.0 };
@@ -243,7 +243,7 @@ wide! {
         }
     }
 
-    /// Of each cell, the change of the channel that changed most; zero where nothing is known.
+    /// The change of the most changed channel of each cell; zero where it is unknown.
     fn strongest_channels(change: &[[f32; 4]], score: &mut [f32]) {
         for (score, c) in score.iter_mut().zip(change) {
             let most = c[0].abs().max(c[1].abs()).max(c[2].abs());

@@ -1,14 +1,15 @@
-//! What the estimates rest on: dimensionless numbers of a contact's displacement field.
+//! Features of the estimates: dimensionless numbers of a contact's displacement field.
 
-/// How many there are.
+/// Number of features.
 pub const FEATURES_COUNT: usize = 25;
 
-/// How many of them, the first ones, trees without grip force are told: they need neither it nor stiffness. (`hidden` needs neither, but
-/// those trees were fitted without it.)
+/// Number of leading features that trees without grip force use: these need neither it nor stiffness. (`hidden` needs
+/// neither, but those trees were fitted without it.)
 pub const GEOMETRIC_COUNT: usize = 20;
 
-/// Their names, in their order. With d the displacement of a marker in contact under load, r that of the rigid motion of
-/// those that stick, s = |d - r|, p the pitch, P the grip force, k the shear stiffness (N/mm3), A the contact area:
+/// Names of the features, in order. With d the displacement of a marker in contact under load, r that of the rigid
+/// motion of the sticking markers, s = |d - r|, p the pitch, P the grip force, k the shear stiffness (N/mm3), A the
+/// contact area:
 ///
 /// | name | definition |
 /// |---|---|
@@ -61,13 +62,13 @@ pub const FEATURE_NAMES: [&str; FEATURES_COUNT] = [
     "hidden",
 ];
 
-/// Where some of them are.
+/// Indices of some of them.
 pub(in crate::monitor) const TURNING: usize = 15;
 pub(in crate::monitor) const NARROW: usize = 16;
 pub(in crate::monitor) const WIDE: usize = 17;
 pub(in crate::monitor) const LOAD: usize = 20;
 
-/// Friction coefficient by which load is made dimensionless; a scale, no guess.
+/// Friction coefficient that makes the load dimensionless; a scale, not an estimate.
 pub(super) const SCALE_MU: f64 = 0.6;
 
 /// Values of the features of a frame.

@@ -1,4 +1,4 @@
-//! The displacement field of a contact: who is in it, the rigid motion of those that stick, and the features.
+//! The displacement field of a contact: its markers, the rigid motion of those that stick, and the features.
 
 use super::features::{Features, SCALE_MU};
 use super::window::{Sample, Stretches};
@@ -9,11 +9,11 @@ use crate::plane::{RigidMotion, Vec2};
 pub(super) struct Point {
     /// Number of the marker.
     pub id: u32,
-    /// Place at rest, px.
+    /// Position at rest, px.
     pub rest: Vec2,
     /// Displacement under load, px.
     pub displacement: Vec2,
-    /// What it had over the rigid motion when it joined, px.
+    /// Residual to the rigid motion when the marker joined the contact, px.
     pub joined: Vec2,
     /// Displacement of the rigid motion there, px.
     pub rigid: Vec2,
@@ -28,13 +28,13 @@ impl Point {
     }
 }
 
-/// Scales in pitches, from wide to narrow, of the weights with which the rigid motion is fitted: from nothing, and going on
-/// from the last frame.
+/// Scales in pitches, from wide to narrow, of the weights of the rigid fit: without, and with the fit of the last
+/// frame.
 const FIRST_PITCH: [f64; 9] = [1.5, 1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.13, 0.1];
 const NEXT_PITCH: [f64; 7] = [0.3, 0.5, 0.35, 0.25, 0.18, 0.13, 0.1];
 
-/// The rigid motion of those that stick, going on from the last frame's: the stick set is carried over, so that a rim
-/// that slips does not take the fit with it.
+/// The rigid motion of the sticking markers, starting from that of the last frame: the stick set is carried over, so
+/// that a slipping rim does not bias the fit.
 pub(super) fn fit(points: &[Point], before: Option<&RigidMotion>, pitch_px: f64) -> Option<RigidMotion> {
     let (mut motion, scales) = match before {
         Some(before) => (*before, &NEXT_PITCH[..]),
@@ -56,22 +56,22 @@ fn weighted(points: &[Point], weight: impl Fn(&Point) -> f64) -> Option<RigidMot
     crate::monitor::motion::fit_weighted(points.iter().map(|p| (p.rest, p.rest + p.displacement - p.joined, weight(p))))
 }
 
-/// Facts of a frame that the features need beside the points.
+/// Data of a frame that the features need besides the points.
 pub(super) struct FieldFacts {
     pub pitch_px: f64,
-    /// Area of the contact, px2, with what of it is out of view.
+    /// Area of the contact, px2, including the part out of view.
     pub area_px2: f64,
     /// The share of it that is out of view.
     pub hidden_fraction: f64,
-    /// Width by which a patch that sticks drags the gel around it, px: 0.64 of the gel's thickness.
+    /// Width of the surrounding gel that a sticking patch drags along, px: 0.64 of the gel's thickness.
     pub skirt_px: f64,
-    /// Load of all markers: their sum of displacements times the area of each, px3.
+    /// Load: sum over all markers of displacement times area, px3.
     pub force_px3: Vec2,
     /// Its moment about the middle of the contact, px4.
     pub moment_px4: f64,
     /// Stiffness k in N/px3 over the grip force in N; None where either is unknown.
     pub stiffness_over_grip_per_px3: Option<f64>,
-    /// Border of the view: least and largest place at which a marker is well inside.
+    /// Border of the view: smallest and largest position of a marker that is well inside.
     pub inside: (Vec2, Vec2),
     /// A frame of some 0.18 s ago.
     pub before: Option<Sample>,
@@ -79,30 +79,30 @@ pub(super) struct FieldFacts {
     pub stiffest_px2: f64,
 }
 
-/// Moves of the rigid motion below this many noise floors tell nothing of the stiffness.
+/// Changes of the rigid motion below this many noise floors give no stiffness.
 const LEAST_MOVE_FLOORS: f64 = 2.0;
 
-/// What is learned besides.
+/// The features, and quantities computed with them.
 pub(super) struct Learned {
     pub features: Features,
-    /// Load as one number: force and torque over mean radius, px3.
+    /// Combined load: force, and torque over mean radius, px3.
     pub load_px3: f64,
     /// RMS of the rigid displacement, px.
     pub rigid_px: f64,
     /// Mean distance of the markers in contact from its middle, px.
     pub arm_px: f64,
-    /// Mean of the squares of these distances over their mean, px: under a torque over it the gel at the arm moves by as much as the
-    /// whole contact does under a force of that size.
+    /// Mean square of these distances over their mean, px. The torque divided by it is the force under which the whole
+    /// contact moves as far as the gel at the arm does under the torque.
     pub lever_px: f64,
     /// Secant stiffness of this frame, px2; None while nothing has moved.
     pub secant_px2: Option<f64>,
 }
 
-/// Displacements smaller than this, in pitches, are lost in noise: 0.02 mm at a pitch of 1.5 mm.
+/// Noise floor of displacement, in pitches: 0.02 mm at a pitch of 1.5 mm.
 pub(super) const FLOOR_PITCH: f64 = 0.02 / 1.5;
 
-/// The features of a frame. `points` come with their rigid displacement and radius; they are sorted by radius here.
-/// `scratch` holds as many numbers.
+/// The features of a frame. `points` have their rigid displacement and radius set; they are sorted by radius here.
+/// `scratch` is at least as long.
 pub(super) fn features(
     points: &mut [Point],
     motion: &RigidMotion,
@@ -130,7 +130,7 @@ pub(super) fn features(
     let along: f64 = points.iter().map(|q| (q.displacement - q.joined).dot(q.rigid)).sum();
 
     let load_px3 = libm::hypot(facts.force_px3.length(), facts.moment_px4 / arm_px);
-    // About the middle of the contact: the motion is stated there.
+    // About the middle of the contact, where the motion is expressed.
     let work = facts.force_px3.dot(motion.translation) + facts.moment_px4 * motion.rotation_rad;
     let patch_px2 = facts.area_px2 + facts.skirt_px * 2.0 * (std::f64::consts::PI * facts.area_px2.max(1.0)).sqrt();
     let moves = rigid_px > 0.02 * p;
@@ -205,7 +205,7 @@ pub(super) fn features(
     }
 }
 
-/// Quantiles of what is told of each point, the largest first. `scratch` holds as many numbers.
+/// Quantiles of `of` over the points, the largest first. `scratch` is at least as long as `points`.
 fn quantiles<const N: usize>(
     points: &[Point],
     of: impl Fn(&Point) -> f64,
@@ -218,7 +218,7 @@ fn quantiles<const N: usize>(
     let mut larger = f64::NAN;
     at.map(|at| {
         let at = (at * last).round() as usize;
-        // Two quantiles of few points may be the same one.
+        // Two quantiles of few points may coincide.
         if at < below.len() {
             let (rest, found, _) = std::mem::take(&mut below).select_nth_unstable_by(at, f64::total_cmp);
             (below, larger) = (rest, *found);
@@ -227,7 +227,7 @@ fn quantiles<const N: usize>(
     })
 }
 
-/// Standard deviations of places along their main axes, the smaller first, px.
+/// Standard deviations of the positions along their main axes, the smaller first, px.
 fn spread(points: &[Point]) -> (f64, f64) {
     let n = points.len() as f64;
     let mean = points.iter().fold(Vec2::ZERO, |sum, q| sum + q.rest) / n;

@@ -1,88 +1,92 @@
-//! Friction of a contact, accumulated over its frames: the friction stays the same, the information in a frame does
-//! not.
+//! Friction of a contact, accumulated over its frames: the friction is constant, the information per frame is not.
 //!
 //! ```text
-//!   a frame:  log mu = log (load / (grip x sunk)) - log used, by trees of its own (said.rs)
-//!   known:    mean of the frames' log mu, each by what it tells beyond what is known of any contact; and that, once
-//!   after a regrip the field counts anew, and after letting go or under a load that has fallen it shows what that has left:
-//!                                          used <- the frame's, and load / (grip x mu x sunk), each by its error
+//!   a frame:  log mu = log (load / (grip x sunk)) - log used, from trees of its own (said.rs)
+//!   known:    mean of the prior and the frames' log mu, each weighted by its information beyond the prior
+//!   after a regrip the field restarts from zero; after a lighter grip or a fallen load it contains residual slip:
+//!                                          used <- the frame's and load / (grip x mu x sunk), weighted by error
 //! ```
 //!
-//! Where an object begins to slide all of the friction is used: that tells it best.
+//! At the onset of gross slip all of the friction is used: that load is the best measure of it.
 //!
-//! Where less than the noise of the load pulls, a frame tells nothing. While little is pulled a frame hardly tells a rough contact from a slippery one: what trees say of it then is what is known of any
-//! contact, and counts for nothing.
+//! A frame whose load is below the noise gives no information. At a small load a frame hardly distinguishes a rough
+//! contact from a slippery one: the trees then return the prior, which has no weight.
 //!
-//! `sunk`: a curved object that lies in the gel bears against its far side, and slides at more than mu P.
+//! `sunk`: a curved object that has sunk into the gel bears against its far side, and slides at more than mu P.
 
 use crate::monitor::passed::FRAME_S;
 use crate::monitor::report::Estimate;
 use crate::plane::Vec2;
 
-/// What is known of the friction of any contact: mean and one over the variance of its logarithm, of a choice from 0.2 to 1.3 that is
-/// even by the logarithm. The trees were fitted to that.
+/// Prior of the friction: mean and inverse variance of its logarithm, log-uniform from 0.2 to 1.3. The trees were
+/// fitted to it.
 const ANY_LOG_MU: f64 = -0.673;
 const ANY: f64 = 1.0 / (0.54 * 0.54);
-/// What a frame tells leans towards that; undone by this factor at most, where it tells little.
+/// The estimate of a frame is biased towards the prior. This factor limits the correction where a frame has little
+/// information.
 const MOST_STRETCH: f64 = 2.0;
-/// Frames in a row are wrong alike, those of so many seconds tell as much as one; but one whose load has changed by so much in its logarithm since
-/// the last such frame, as that of the frame before it had, tells something of its own.
+/// Errors of consecutive frames are correlated: the frames within this time, s, count as one. A frame counts as
+/// independent if the logarithm of its load differs by this much from that of the last independent frame, and that of
+/// the frame before it did so in the same direction.
 const ALIKE_S: f64 = 0.4;
 const OWN_LOG_LOAD: f64 = 0.1;
-/// From how much on the friction is said to be known, and most that all frames tell together (0.2 of the friction): in units of one
-/// over the variance of its logarithm.
+/// Least information for the friction to be reported, and most from all frames together (0.2 of the friction): inverse
+/// variance of its logarithm.
 const LEAST_TOLD: f64 = 2.0;
 const MOST_TOLD: f64 = 25.0;
-/// Share of that after a regrip, and the time in which it grows to that, s: the field then shows less slip than the load has made, and right
-/// after it none.
+/// Weight of a frame after a regrip, and time in which it grows to that, s: the field then shows less slip than the
+/// load has caused, and none right after the regrip.
 const REGRIPPED_SHARE: f64 = 0.1;
 const REGRIPPED_S: f64 = 0.2;
-/// A grip that has been let go by so much in its logarithm since the field began to count leaves in it what squeeze and slip of the larger
-/// contact have made; for every 1 beyond, a frame's logarithm of the used fraction may be off by so much more, up to a load of so much of the
-/// grip force; under more load it matters less.
+/// A grip whose logarithm has fallen by the first number since the field was restarted leaves squeeze and slip of the
+/// larger contact in it. Each 1 beyond adds the second number to the standard deviation of a frame's log used fraction,
+/// up to a load of the third number times the grip force; under more load the effect decreases.
 const LET_GO_LOG: f64 = 1.0;
 const LET_GO_LOG_SD: f64 = 0.8;
 const LET_GO_PER_GRIP: f64 = 0.15;
-/// What has slipped at the rim under a larger load stays behind when the load falls, and looks like more of the friction than is used: for every 1
-/// by which the logarithm of the load has fallen beyond the first number, a frame's logarithm of the used fraction may be off by the second.
+/// When the load falls, slip of the rim under the larger load remains, and the used fraction seems larger than it is:
+/// each 1 by which the logarithm of the load has fallen beyond the first number adds the second to the standard
+/// deviation of a frame's log used fraction.
 const EASED_LOG: f64 = 0.1;
 const EASED_LOG_SD: f64 = 1.0;
-/// How well the load at which an object begins to slide tells the friction: standard deviation of its logarithm.
+/// Standard deviation of the log friction from the load at which an object begins to slide.
 const SLIDES_LOG_SD: f64 = 0.15;
-/// It is believed once the slide has been told in so many frames and for so long, s: a load that drops at once, as of a bottle that is set
-/// down, can look like a slide in two.
+/// This load is used once the slide has been detected in this many frames and for this time, s: a sudden drop of the
+/// load, as when a bottle is set down, can look like a slide in two.
 const SLIDES_FRAMES: u32 = 3;
 const SLIDES_S: f64 = 0.05;
-/// Standard deviation by which log mu may differ at another grip force, for a difference of 1 in the logarithm of the force: what
-/// `sunk` leaves.
+/// Standard deviation of the change of log mu for a change of 1 in the logarithm of the grip force: what `sunk` does
+/// not correct.
 const DRIFT_LOG_SD: f64 = 0.2;
-/// No finger has more friction than this: a grip that is let go while the gel is still sheared would tell of any.
+/// Upper bound of the friction: a grip released while the gel is still sheared could give any value.
 const MOST_FRICTION: f64 = 3.0;
-/// What holds a load has the friction for it, within the error of the load.
+/// A held load is a lower bound of the friction, within the error of the load.
 const LOAD_SURE: f64 = 0.95;
-/// Growth of the load that slides with the shear of the gel, in half widths of the contact, at a traction as large as the pressure:
-/// 0.5 to 1.1 for simulated spheres, cylinders and the cap between 6 and 50 N, whatever their friction.
+/// Growth of the load at gross slip with the shear of the gel at a traction as large as the pressure, in half widths of
+/// the contact: 0.5 to 1.1 for simulated spheres, cylinders and the cap between 6 and 50 N, whatever their friction.
 const SUNK_GROWTH: f64 = 0.8;
-/// Standard deviation of the load over the grip force where nothing pulls: squeeze and rolling leave so much.
+/// Standard deviation of load over grip force without load: a residual of squeeze and rolling.
 const LOAD_NOISE_PER_GRIP: f64 = 0.01;
-/// More than that was not simulated.
+/// Larger values were not simulated.
 const MOST_SUNK: f64 = 1.5;
 
-/// By how much more than mu P an object slides that has sunk into the gel. `shear_px`: displacement of the gel at a traction as
-/// large as the mean pressure; `half_width_px`: of the contact along the load; `pulled_fraction`: share of the force in the load, the
-/// rest of which turns.
+/// Ratio of the load at gross slip to mu P for an object that has sunk into the gel. `shear_px`: displacement of the
+/// gel at a traction as large as the mean pressure; `half_width_px`: of the contact along the load; `pulled_fraction`:
+/// share of the force in the load; the rest is torque.
 pub(super) fn sunk(shear_px: f64, half_width_px: f64, pulled_fraction: f64) -> f64 {
     (1.0 + SUNK_GROWTH * pulled_fraction * shear_px / half_width_px.max(1e-6)).min(MOST_SUNK)
 }
 
-/// Half the width of a contact along a direction, from the places of its markers: twice their standard deviation, as on a disc.
+/// Half the width of a contact along a direction, from the positions of its markers: twice their standard deviation, as
+/// on a disc.
 pub(super) fn half_width_px(places: impl ExactSizeIterator<Item = Vec2>, middle: Vec2, along: Vec2) -> f64 {
     let n = places.len().max(1) as f64;
     let squares: f64 = places.map(|place| (place - middle).dot(along)).map(|x| x * x).sum();
     2.0 * (squares / n).sqrt()
 }
 
-/// A frame that knows less than what is known of any contact leans towards that: the logarithm of what is used, and that.
+/// Shrinks the used fraction of a frame with less information than the prior towards the prior; returns its logarithm,
+/// and itself.
 fn lean(log_load: f64, log_sd: f64, used: Estimate) -> (f64, Estimate) {
     let log_used = libm::log(used.value.max(1e-3));
     let of_frame = 1.0 / (ANY * log_sd * log_sd);
@@ -93,7 +97,7 @@ fn lean(log_load: f64, log_sd: f64, used: Estimate) -> (f64, Estimate) {
     (log_used, Estimate { value: libm::exp(log_used), ..used })
 }
 
-/// What a frame shows.
+/// Data of a frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shown {
     /// Time, s.
@@ -104,13 +108,13 @@ pub(super) struct Shown {
     pub grip_n: f64,
     /// See [`sunk`].
     pub sunk: f64,
-    /// Whether the imprint moves over the gel as that of an object that slides: a load that falls meanwhile is no smaller one.
+    /// Whether the imprint slides over the gel: a load that falls meanwhile does not count as fallen.
     pub imprint_slides: bool,
     /// Standard deviation of the logarithm of the used fraction.
     pub log_used_sd: f64,
 }
 
-/// The frame in which an object began to slide, and what followed.
+/// Onset of a slide, and its duration.
 #[derive(Debug, Clone, Copy)]
 struct SlideStart {
     log_load: f64,
@@ -120,46 +124,46 @@ struct SlideStart {
     is_taken: bool,
 }
 
-/// What is known of the friction.
+/// Friction accumulated over a contact.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Friction {
     log_mu: f64,
-    /// One over the variance of it, by frames alone; 0 while no frame has said anything.
+    /// Its inverse variance from frames alone; 0 while no frame has given information.
     told: f64,
-    /// Logarithm of the grip force at which it was seen.
+    /// Logarithm of the grip force at which it was estimated.
     log_grip: f64,
-    /// Logarithm of the load over the grip force of the last frame that told something of its own, and by how much that of the last frame
-    /// differed.
+    /// Logarithm of load over grip force of the last independent frame, and the difference of the last frame from it.
     own_log_load: Option<f64>,
     last_change: f64,
-    /// Logarithms of the largest grip force and of the largest load, N, since the field began to count.
+    /// Logarithms of the largest grip force and of the largest load, N, since the field was restarted.
     most_log_grip: Option<f64>,
     most_log_load_n: Option<f64>,
-    /// Logarithms of load over grip force, without what lies deep, and of the grip force in the last frame.
+    /// Logarithms of load over grip force (divided by `sunk`) and of grip force in the last frame.
     last_log_load_grip: Option<(f64, f64)>,
-    /// When the grip last grew under load, s, and when the last frame was: slip counts anew from there.
+    /// Time of the last regrip under load, s, from which slip is counted again, and time of the last frame.
     regripped_s: Option<f64>,
     now_s: f64,
     /// Time of the last frame, once there is one.
     seen_s: Option<f64>,
-    /// While the object slides.
+    /// The current slide.
     slide: Option<SlideStart>,
 }
 
 impl Friction {
-    /// The grip has grown under load: what the field shows counts from here.
+    /// The grip has grown under load: the field restarts from here.
     pub fn regripped(&mut self) {
         self.regripped_s = Some(self.now_s).filter(|_| self.told > 0.0);
         self.most_log_grip = None;
         self.slip_counts_anew();
     }
 
-    /// What the field shows counts from here, under a grip that has been let go: what the firm one has squeezed stays in the motion of the contact.
+    /// The field restarts from here under a lighter grip: the squeeze of the firmer one remains in the motion of the
+    /// contact.
     pub fn slip_counts_anew(&mut self) {
         self.most_log_load_n = None;
     }
 
-    /// Whether the object slides in the last frame: in the first in which it did all of the friction was used.
+    /// Sets whether the object slides in the last frame. In the first frame of a slide all of the friction is used.
     pub fn slides(&mut self, slides: bool) {
         if !slides {
             self.slide = None;
@@ -176,13 +180,13 @@ impl Friction {
         }
     }
 
-    /// What frames told of log mu, as far as it holds at a grip force.
+    /// Inverse variance of log mu from frames, as far as it holds at a grip force.
     fn told_at(&self, log_grip: f64) -> f64 {
         let drift = DRIFT_LOG_SD * (log_grip - self.log_grip);
         self.told / (1.0 + self.told * drift * drift)
     }
 
-    /// Whether a frame tells something of its own; a single one that differs may be a wrong reading.
+    /// Whether a frame is independent; a single one that differs may be a wrong reading.
     fn is_own(&mut self, log_load: f64) -> bool {
         let change = log_load - *self.own_log_load.get_or_insert(log_load);
         let before = std::mem::replace(&mut self.last_change, change);
@@ -193,7 +197,7 @@ impl Friction {
         own
     }
 
-    /// Takes what a frame tells: log mu, which is right within `log_sd` if any contact is as likely as another.
+    /// Adds the log mu of a frame; `log_sd` is its standard deviation with the prior included.
     fn take(&mut self, log_mu: f64, log_sd: f64, share: f64, log_grip: f64) {
         let of_frame = 1.0 / (log_sd * log_sd);
         let beyond = of_frame - ANY;
@@ -208,7 +212,8 @@ impl Friction {
         self.told = (self.told + told).min(MOST_TOLD);
     }
 
-    /// Takes what a frame says. The friction, once enough is known of it; `used` with what was known before.
+    /// Adds a frame. Returns the friction, once there is enough information, and `used` combined with what was known
+    /// before.
     pub fn see(&mut self, shown: &Shown, used: Estimate) -> (Option<Estimate>, Estimate) {
         let load = (shown.per_grip / shown.sunk).max(1e-6);
         let (log_load, log_grip) = (libm::log(load), libm::log(shown.grip_n.max(0.1)));
@@ -227,7 +232,7 @@ impl Friction {
         (self.now_s, self.seen_s) = (shown.at_s, Some(shown.at_s));
         let seen = self.regripped_s.map(|regripped_s| ((self.now_s - regripped_s) / REGRIPPED_S).clamp(0.0, 1.0));
         let seen = seen.or(Some(1.0).filter(|_| (let_go > 0.0 || eased > 0.0) && self.told > 0.0));
-        // One that only stands there tells what it told before.
+        // A frame without new motion gives no new information.
         if used.age_frames == 0 {
             let own = if self.is_own(log_load) { 1.0 } else { (passed_s / ALIKE_S).min(1.0) };
             let share = own * seen.map_or(1.0, |seen| REGRIPPED_SHARE * seen);
@@ -236,7 +241,7 @@ impl Friction {
         }
         let told = self.told_at(log_grip);
         let log_mu = (told * self.log_mu + ANY * ANY_LOG_MU) / (told + ANY);
-        // For this frame alone: one reading of the grip that is too low must not make the contact less slippery for good.
+        // For this frame alone: a single grip reading that is too low must not raise the friction for good.
         let value = libm::exp(log_mu).max(LOAD_SURE * load).min(MOST_FRICTION);
         let known = Estimate { value, sd: value * (told + ANY).recip().sqrt(), age_frames: 0 };
         let friction = Some(known).filter(|_| told >= LEAST_TOLD);

@@ -1,5 +1,5 @@
-//! In a contact at rest the markers do not move, whether the load is held or the object slides on over the gel. The
-//! estimates made while the contact last moved are better than new ones, and are continued with the load.
+//! While the markers stand still, the load may be held or the object may slide on over the gel. Estimates from the last
+//! motion are better than new ones, and are scaled with the load.
 //!
 //! ```text
 //!   motion or load has changed by a twentieth, in whatever time:  used, stick <- trees
@@ -8,15 +8,15 @@
 
 use super::said::Said;
 
-/// Share of motion or load by which it must change to count as moving on.
+/// Relative change of motion or load that counts as a new motion.
 const MOVED_FRACTION: f64 = 0.05;
 
-/// Weight of a frame in which it moves on, against those before; one that changes motion or load by more than the second share stands
-/// for itself.
+/// Weight of a frame with a new motion against the earlier ones; a change of motion or load by more than the second
+/// share gives it all of the weight.
 const NEWEST_WEIGHT: f64 = 0.6;
 const ALONE_FRACTION: f64 = 0.25;
 
-/// What the trees said of the last motion.
+/// Estimates of the trees at the last motion.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct LastMotion {
     then: Option<Then>,
@@ -30,11 +30,11 @@ struct Then {
     age_frames: u32,
 }
 
-/// What is known with a frame.
+/// The estimates at a frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Carried {
     pub said: Said,
-    /// Frames since it last moved.
+    /// Frames since the last motion.
     pub age_frames: u32,
 }
 
@@ -48,15 +48,16 @@ impl LastMotion {
         self.then = None;
     }
 
-    /// The unit of the load has changed: it is so much now.
+    /// The unit of the load has changed: this is its value in the new one.
     pub fn load_is(&mut self, load: f64) {
         self.then.iter_mut().for_each(|then| then.load = load);
     }
 
-    /// What is known with this frame. `load`: over the grip force where that is known, in any unit; `floor_px`: motion that is noise.
+    /// The estimates at this frame. `load`: over the grip force where that is known, in any unit; `floor_px`: noise
+    /// floor of the motion.
     pub fn see(&mut self, said: Said, load: f64, rigid_px: f64, floor_px: f64) -> Carried {
         let Some(then) = &mut self.then else { return self.moves(said, load, rigid_px) };
-        // What the load alone would make of it; with hardly a load there is nothing to go by.
+        // The last estimate scaled with the load; after zero load there is no ratio.
         let grown = if then.load > 0.0 { load / then.load } else { 1.0 };
         let carried = Said { used: then.said.used * grown, ..then.said };
         let (moved_px, grown) = ((rigid_px - then.rigid_px).abs(), (load - then.load).abs());
@@ -91,7 +92,7 @@ mod tests {
             let x = f64::from(step);
             last.see(said(0.09 * x, 1.0 - 0.09 * x), x, x, 0.1);
         }
-        // It slides on: nothing moves, and the trees take it for a load that is held.
+        // The object slides on: no marker moves, and the trees estimate a held load.
         for frame in 1..=50 {
             let Carried { said: now, age_frames } = last.see(said(0.5, 0.6), 10.0, 10.0, 0.1);
             assert!(now.used > 0.83 && now.stick < 0.2, "{now:?}");
@@ -99,7 +100,7 @@ mod tests {
         }
         let lighter = last.see(said(0.5, 0.6), 9.6, 9.9, 0.1).said;
         assert!((lighter.used - 0.96 * 0.87).abs() < 0.05, "a little less load: {lighter:?}");
-        // It moves on.
+        // A new motion.
         let Carried { said: moved, age_frames } = last.see(said(0.3, 0.8), 5.0, 6.0, 0.1);
         assert_eq!(age_frames, 0);
         assert!(moved.used < 0.4 && moved.stick > 0.4, "{moved:?}");
@@ -109,7 +110,7 @@ mod tests {
         assert!((last.see(said(0.2, 0.9), 5.0, 6.0, 0.1).said.used - 0.2).abs() < 1e-12, "nothing is left of before");
     }
 
-    /// A load that came from nothing has grown beyond measure: what is known then is what the trees say.
+    /// After zero load there is no ratio to scale with: the estimates of the trees are used.
     #[test]
     fn nothing_follows_from_no_load() {
         for load in [0.0, 1.0] {
@@ -126,7 +127,7 @@ mod tests {
             let mut now = said(0.0, 1.0);
             for step in 1..=steps {
                 let x = f64::from(step) / f64::from(steps);
-                // Friction is taken for twice what it is until half of it is used.
+                // Friction is estimated twice too large until half of it is used.
                 let used = if x < 0.5 { 0.5 * x } else { x };
                 now = last.see(said(used, 1.0 - x), x, 10.0 * x, 0.1).said;
             }

@@ -1,19 +1,19 @@
-//! Shear load by the sum over all markers: each stands for a patch of a pitch squared, at the border of the view for more.
+//! Shear load as the sum over all markers: each represents a patch of a pitch squared, or more at the border of the
+//! view.
 
 use crate::monitor::report::Marker;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
-/// The apparent load of a squeeze alone, as a share of the grip force, is at most this: a camera that looks askance at 40 deg
-/// sees 0.03, one that looks straight 0.01 (simulated; the squeezed volume of a bonded layer grows in proportion to the
-/// force).
+/// Largest apparent load of a squeeze alone, as a share of the grip force: a camera tilted by 40 deg sees 0.03, one
+/// that looks straight 0.01 (simulated; the squeezed volume of a bonded layer grows in proportion to the force).
 const MOST_TARE_FRACTION: f64 = 0.06;
 
-/// Time in which what lies beyond a marker at the border is taken into the contact, s: one that is in and out of it must not
-/// make the load jump.
+/// Time constant with which the area beyond a border marker joins the contact, s: a marker that enters and leaves the
+/// contact must not make the load jump.
 const JOINS_S: f64 = 0.1;
 
-/// What a marker stands for.
+/// Area that a marker represents.
 ///
 /// ```text
 ///                            border of the view
@@ -23,15 +23,15 @@ const JOINS_S: f64 = 0.1;
 /// ```
 #[derive(Debug, Clone, Copy, Default)]
 struct Patch {
-    /// Area while it is free, px2: displacement falls off over the skirt beyond the border.
+    /// Area without contact, px2: beyond the border, displacement falls off over the skirt.
     free_px2: f64,
-    /// Area by which that grows, and area out of view, px2, while it is in contact: that goes on to where the gel ends. 0 where that is
-    /// unknown.
+    /// Additional area, and area out of view, px2, in contact: the contact extends to the end of the gel. 0 where that
+    /// is unknown.
     more_px2: f64,
     hidden_px2: f64,
-    /// Whether it is at the border.
+    /// Whether the marker is at the border.
     at_border: bool,
-    /// How far it is taken to be in contact, 0 to 1.
+    /// Degree to which it counts as in contact, 0 to 1.
     joined_fraction: f64,
 }
 
@@ -41,19 +41,20 @@ impl Patch {
     }
 }
 
-/// Time constant of the mean of where the middle of the contact is, s.
+/// Time constant with which the middle of the contact is smoothed, s.
 const MIDDLE_S: f64 = 0.1;
 
-/// The middle of the contact on the squeezed gel, about which torque is told. That of the markers in contact is off by a fifth of a pitch,
-/// since few are at the rim; that of the region by less, but it is where the picture shows an imprint; their mean is off by less than
-/// either. A pull of 20 N beside it makes a torque of 6 N mm from 0.3 mm.
+/// The middle of the contact on the squeezed gel, about which torque is reported. The middle of the markers in contact
+/// is off by a fifth of a pitch, since few are at the rim. That of the region is off by less, but follows the visible
+/// imprint. The mean of both is off by less than either. With an error of 0.3 mm, a pull of 20 N makes a torque of 6 N
+/// mm.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Middle {
     px: Option<Vec2>,
 }
 
 impl Middle {
-    /// Takes the middles of a frame, so many seconds after the last; that of the region where it is known. Both are where the gel would be
+    /// Adds the middles of a frame, `seconds_s` after the last; that of the region where known. Both are positions
     /// without the load.
     pub fn see(&mut self, seconds_s: f64, of_markers: Vec2, of_region: Option<Vec2>) -> Vec2 {
         let now = of_region.map_or(of_markers, |of_region| (of_markers + of_region) / 2.0);
@@ -71,14 +72,14 @@ pub(super) struct Load {
     patches: Vec<Patch>,
     /// Sum over all markers of displacement from rest times area, px3.
     pub sum_px3: Vec2,
-    /// What of it the squeeze makes: for a grip force of 1 N where that is known, else altogether.
+    /// Part of the sum due to the squeeze: for a grip force of 1 N where that is known, else in total.
     tare_px3: Vec2,
     per_newton: bool,
 }
 
 impl Load {
-    /// `inside`: least and largest place at which a marker has neighbours all around. Those beyond stand for the gel past the
-    /// border of the view as well: over `skirt_px`, or to the end of the gel.
+    /// `inside`: smallest and largest position at which a marker has neighbours all around. Markers beyond also
+    /// represent the gel out of view: over `skirt_px`, or to the end of the gel.
     pub fn new(sensor: &Sensor, markers: &[Marker], skirt_px: f64, inside: (Vec2, Vec2)) -> Self {
         let (pitch_px, size) = (sensor.pitch_px, sensor.rectified_px());
         let view_half = Vec2::new(size.width as f64, size.height as f64) / 2.0;
@@ -89,7 +90,7 @@ impl Load {
             let free_px2 = pitch_px * (pitch_px + if at_border.contains(&true) { skirt_px } else { 0.0 });
             let free = Patch { free_px2, at_border: at_border.contains(&true), ..Patch::default() };
             let Some(gel_half) = sensor.gel_half_px() else { return free };
-            // Along each direction: what it stands for in contact, and what of that is in view.
+            // Along each direction: the length that the marker represents in contact, and the part of it in view.
             let lengths = |at_border: bool, off_px: f64, gel_px: f64, view_px: f64| {
                 let to = |end_px: f64| pitch_px / 2.0 + (end_px - off_px).max(pitch_px / 2.0);
                 if at_border { (to(gel_px.max(view_px)), to(view_px)) } else { (pitch_px, pitch_px) }
@@ -114,13 +115,13 @@ impl Load {
         self.patches.iter_mut().for_each(|patch| patch.joined_fraction = 0.0);
     }
 
-    /// Markers with the area of each. One that is not found counts where its neighbours expect it, and so does, across the border, one that
-    /// the border cuts: left out, a column of them would be missing from the load until the last of it is out of view.
+    /// Markers with their areas. A marker that is not found or is cut by the border counts at the position expected
+    /// from its neighbours: otherwise a whole column would be missing from the load until it is out of view.
     fn weighed<'a>(&'a self, markers: &'a [Marker]) -> impl Iterator<Item = (&'a Marker, f64)> {
         markers.iter().zip(self.patches.iter().map(Patch::area_px2))
     }
 
-    /// Takes the sum of a frame, so many seconds after the last.
+    /// Computes the sum of a frame, `seconds_s` after the last.
     pub fn sum(&mut self, seconds_s: f64, markers: &[Marker]) {
         let share = 1.0 - libm::exp(-seconds_s / JOINS_S);
         for (patch, m) in self.patches.iter_mut().zip(markers) {
@@ -130,7 +131,7 @@ impl Load {
         self.sum_px3 = self.weighed(markers).fold(Vec2::ZERO, |sum, (m, area)| sum + m.now_from_rest() * area);
     }
 
-    /// Nothing pulled when the markers were moved so from rest: that sum comes from the squeeze alone.
+    /// Tares the load: these displacements from rest, without load, are due to the squeeze alone.
     pub fn tare(
         &mut self,
         from_rest: impl Fn(&Marker) -> Vec2,
@@ -164,19 +165,21 @@ impl Load {
         self.patches.iter().map(|patch| patch.joined_fraction * patch.hidden_px2).sum()
     }
 
-    /// Area that all markers stand for, px2.
+    /// Area that all markers represent, px2.
     #[cfg(test)]
     pub fn area_px2(&self) -> f64 {
         self.patches.iter().map(Patch::area_px2).sum()
     }
 
-    /// Moment about a point with the gel as it is at rest, positive from x to y, px4: of the features, whose trees were fitted with it.
+    /// Moment about a point in rest coordinates of the gel, positive from x to y, px4: for the features, whose trees
+    /// were fitted with it.
     pub fn moment_px4(&self, markers: &[Marker], about: Vec2, under_load: impl Fn(&Marker) -> Vec2) -> f64 {
         self.weighed(markers).map(|(m, area)| area * (m.rest - about).cross(under_load(m))).sum()
     }
 
-    /// Torque about a point of the squeezed gel, positive from x to y, px4. A press spreads the gel under it, by a twentieth of the lever
-    /// and more at 60 N, and the load acts there. That the load carries it further adds nothing: it moves along the load.
+    /// Torque about a point of the squeezed gel, positive from x to y, px4. A press spreads the gel, by a twentieth of
+    /// the lever and more at 60 N, and the load acts on the spread gel. Displacement by the load itself adds no torque:
+    /// it is along the load.
     pub fn torque_px4(&self, markers: &[Marker], about: Vec2, under_load: impl Fn(&Marker) -> Vec2) -> f64 {
         let of = |(m, area): (&Marker, f64)| {
             let moved = under_load(m);

@@ -1,62 +1,64 @@
-//! What the markers' displacement counts from: the finger squeezed, but not yet loaded along its surface.
+//! Reference of the markers' displacement: the finger squeezed, but not yet loaded along its surface.
 //!
 //! ```text
-//!   touched ----press----> settled (grip and area stand for 0.2 s): squeeze of every marker taken over, as it was 0.1 s
+//!   touched ----press----> settled (grip and area steady for 0.2 s): squeeze of every marker stored, as it was 0.1 s
 //!                                     |            ago: a load that begins meanwhile is no squeeze
 //!                                     v       squeeze (P / P_taken)^0.85 when the grip changes later
-//!   displacement under load = now - rest - squeeze - what the marker had over the rigid motion when it joined the contact
+//!   displacement under load = now - rest - squeeze - residual of the marker when it joined the contact
 //!
-//!   rolled or slid over the gel: the squeeze goes along with the contact, between markers as its neighbours have it
-//!   gripped harder by a tenth: what has slipped sticks again where it is, and slip counts from there
-//!   lighter by a tenth while hardly anything pulls: what the squeeze has left is no slip, and slip counts from there, too
+//!   rolled or slid over the gel: the squeeze moves with the contact, interpolated between markers
+//!   gripped harder by a tenth: slipped markers stick again where they are, and slip counts from there
+//!   lighter by a tenth at almost no load: what remains of the squeeze is no slip, and slip counts from there, too
 //! ```
 
 use super::window::Window;
 use crate::monitor::report::Marker;
 use crate::plane::Vec2;
 
-/// Power of the grip force with which the squeeze of a marker grows: 0.8 to 0.9 for simulated spheres, cylinders and boxes
-/// between 5 and 60 N (a Hertz contact on a wide layer lies between 2/3 and 1).
+/// Exponent of the grip force in the squeeze of a marker: 0.8 to 0.9 for simulated spheres, cylinders and boxes between
+/// 5 and 60 N (a Hertz contact on a wide layer lies between 2/3 and 1).
 const SQUEEZE_GROWTH: f64 = 0.85;
 
-/// A grip or an area that changes by less than this share between the halves of the window stands still.
+/// Grip or area is steady if it changes by less than this share between the halves of the window.
 const SETTLED_GRIP_FRACTION: f64 = 0.03;
 const SETTLED_AREA_FRACTION: f64 = 0.1;
-/// Besides, a grip may change by this much: readings of grippers are no better.
+/// Additional tolerance of the grip: readings of grippers are no better.
 const SETTLED_GRIP_N: f64 = 0.15;
 /// After this time in contact the reference is taken, settled or not.
 const LONGEST_S: f64 = 1.0;
-/// A grip that has grown by this share holds what slipped under the lighter one; one that has fallen by it leaves what it had squeezed.
+/// If the grip has grown by this share, slipped markers stick again; if it has fallen by it, some of the squeeze
+/// remains.
 const REGRIP_FRACTION: f64 = 0.1;
-/// A marker that has been out of the contact for so long joins it anew, s.
+/// A marker that has been out of contact for this time, s, counts as new when it returns.
 const AWAY_S: f64 = 0.33;
 
-/// A contact takes the squeeze along in steps of so many pitches: its middle is known to 0.2.
+/// Step in which the squeeze follows the contact, pitches: the middle of the contact is known to 0.2.
 const ROLLED_PITCH: f64 = 0.4;
-/// A marker takes the squeeze of those that were so near to its place in the contact.
+/// Radius within which a marker's squeeze is interpolated, pitches.
 const REACH_PITCH: f64 = 1.5;
 /// Time constant with which the middle of a contact is smoothed, s.
 const ROLL_S: f64 = 0.1;
 
-/// How the grip has changed.
+/// Change of the grip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Regrip {
-    /// What has slipped sticks again where it is.
+    /// Slipped markers stick again where they are.
     Harder,
-    /// The rim of what was a larger contact stays where the squeeze has driven it: less than the growth of the squeeze says goes back.
+    /// The rim of the former, larger contact stays where the squeeze has moved it: less of the squeeze recovers than
+    /// its growth law predicts.
     Lighter,
 }
 
-/// What is remembered of a marker.
+/// State of a marker.
 #[derive(Debug, Clone, Copy, Default)]
 struct Base {
-    /// Displacement from rest by the squeeze alone as it was taken, px.
+    /// Displacement from rest by the squeeze alone when the reference was taken, px.
     taken_squeeze: Vec2,
-    /// The same with the contact where it is now, px.
+    /// The same for the contact's current place, px.
     squeeze: Vec2,
-    /// Displacement that it had over the rigid motion when it joined the contact, px.
+    /// Residual to the rigid motion when the marker joined the contact, px.
     joined: Vec2,
-    /// Time since it was last in the contact, s; [`AWAY_S`] or more: it is no part of it.
+    /// Time since it was last in the contact, s; from [`AWAY_S`] on it is not part of it.
     away_s: f64,
 }
 
@@ -64,7 +66,7 @@ struct Base {
 #[derive(Debug, Clone)]
 pub(super) struct Reference {
     bases: Vec<Base>,
-    /// Markers from the least x at rest to the largest.
+    /// Markers in ascending order of x at rest.
     by_x: Vec<u32>,
     recent: Recent,
     touched_s: f64,
@@ -72,7 +74,7 @@ pub(super) struct Reference {
     taken_grip_n: Option<f64>,
     /// Grip at which slip began to count.
     counts_from_n: Option<f64>,
-    /// Middle of the contact on the gel when it was taken and now, and how far the squeeze has gone along, px.
+    /// Middle of the contact on the gel when the reference was taken and now, and shift of the squeeze, px.
     taken_middle_px: Option<Vec2>,
     middle_px: Vec2,
     rolled_px: Vec2,
@@ -96,7 +98,7 @@ impl Reference {
         }
     }
 
-    /// Nothing touches any more.
+    /// Resets after contact is lost.
     pub fn clear(&mut self) {
         (self.touched_s, self.taken, self.taken_grip_n, self.counts_from_n) = (0.0, false, None, None);
         self.recent.clear();
@@ -107,7 +109,8 @@ impl Reference {
         self.taken
     }
 
-    /// Counts the time in contact; takes the reference once grip and area stand still, or loaded in the plane too early.
+    /// Measures the time in contact; takes the reference once grip and area are steady, or before when loaded in the
+    /// plane.
     pub fn follow(&mut self, seconds_s: f64, window: &Window, loaded: bool, markers: &[Marker]) {
         if self.taken {
             return;
@@ -123,7 +126,7 @@ impl Reference {
             window.newest().is_none_or(|s| s.grip_n.is_none()) || stands(grip, SETTLED_GRIP_FRACTION, SETTLED_GRIP_N);
         let settled = grip_stands && stands(area, SETTLED_AREA_FRACTION, 0.0);
         if settled {
-            // The window has stood still: its mean is the grip, and its middle no later than a load that begins in it.
+            // The window is steady: its mean is the grip, and its middle is no later than the onset of a load in it.
             let grip_n = grip.map(|(_, mean_n)| mean_n).or(window.newest().and_then(|s| s.grip_n));
             self.take(grip_n, markers, true);
         } else if loaded || self.touched_s >= LONGEST_S {
@@ -131,13 +134,13 @@ impl Reference {
         }
     }
 
-    /// Takes the markers at rest for unloaded: for a recording that starts in contact.
+    /// Takes the rest frame as the unloaded state: for a recording that starts in contact.
     pub fn take_rest(&mut self, grip_n: Option<f64>, markers: &[Marker]) {
         self.recent.clear();
         self.take_with(grip_n, markers, |_| Vec2::ZERO);
     }
 
-    /// Takes the markers as they are, or as they were shortly before.
+    /// Takes the reference from the markers now, or shortly before.
     fn take(&mut self, grip_n: Option<f64>, markers: &[Marker], before: bool) {
         let recent = std::mem::take(&mut self.recent);
         let then_px = if before { recent.before_px(self.touched_s) } else { None };
@@ -156,7 +159,8 @@ impl Reference {
         self.counts_from_n = self.taken_grip_n;
     }
 
-    /// Takes the squeeze along with a contact that rolls or slides over the gel. `middle_px`: of the contact, where that gel is at rest.
+    /// Moves the squeeze with a contact that rolls or slides over the gel. `middle_px`: middle of the contact, in rest
+    /// coordinates of the gel.
     pub fn roll(&mut self, seconds_s: f64, middle_px: Vec2, pitch_px: f64, markers: &[Marker]) {
         let newest = if self.taken_middle_px.is_some() { 1.0 - libm::exp(-seconds_s / ROLL_S) } else { 1.0 };
         self.middle_px += (middle_px - self.middle_px) * newest;
@@ -185,7 +189,7 @@ impl Reference {
         }
     }
 
-    /// How the grip has changed, each time it has by so much that slip may count anew.
+    /// Change of the grip, each time it is large enough to restart the count of slip.
     pub fn regripped(&mut self, grip_n: Option<f64>) -> Option<Regrip> {
         let (Some(from_n), Some(now_n)) = (self.counts_from_n, grip_n) else {
             self.counts_from_n = self.counts_from_n.or(grip_n);
@@ -207,7 +211,7 @@ impl Reference {
         self.bases[id as usize].joined += residual;
     }
 
-    /// By which share the squeeze has grown since it was taken.
+    /// Factor by which the squeeze has grown since the reference was taken.
     pub fn growth(&self, grip_n: Option<f64>) -> f64 {
         match (self.taken_grip_n, grip_n) {
             (Some(taken_n), Some(now_n)) => libm::pow((now_n / taken_n).clamp(0.0, 20.0), SQUEEZE_GROWTH),
@@ -230,13 +234,13 @@ impl Reference {
         marker.now_from_rest() - self.bases[marker.id as usize].squeeze * growth
     }
 
-    /// What a marker had over the rigid motion when it joined, px.
+    /// Residual of a marker to the rigid motion when it joined the contact, px.
     pub fn joined(&self, marker: &Marker) -> Vec2 {
         self.bases[marker.id as usize].joined
     }
 
-    /// Keeps who is part of the contact, so many seconds after the last frame; a marker that joins takes what it has over the rigid motion as its own.
-    /// Its slip counts from there.
+    /// Tracks whether a marker is part of the contact, `seconds_s` after the last frame; for a marker that joins,
+    /// stores its residual to the rigid motion. Its slip counts from there.
     pub fn keep(&mut self, seconds_s: f64, marker: &Marker, residual: impl FnOnce() -> Vec2) {
         let base = &mut self.bases[marker.id as usize];
         if !marker.in_contact {
@@ -250,19 +254,19 @@ impl Reference {
     }
 }
 
-/// Where the markers were in the last tenth of a second, from rest.
+/// Displacements of the markers from rest in the last tenth of a second.
 #[derive(Debug, Clone, Default)]
 struct Recent {
-    /// Displacements, px, and when; the oldest is overwritten.
+    /// Displacements, px, and their time; the oldest is overwritten.
     kept: [(Vec<Vec2>, f64); RECENT_COUNT],
     next: usize,
 }
 
-/// How many are kept, and how far apart at least: [`BEFORE_S`] fits in at any frame rate.
+/// Number of entries, and least time between them: they span [`BEFORE_S`] at any frame rate.
 const RECENT_COUNT: usize = 5;
 const RECENT_APART_S: f64 = 0.024;
 
-/// How far back the squeeze of a settled contact is taken, s: the middle of the window over which it stood.
+/// Age at which the squeeze of a settled contact is taken, s: the middle of the steady window.
 const BEFORE_S: f64 = 0.09;
 
 impl Recent {
@@ -285,7 +289,7 @@ impl Recent {
         self.next = (self.next + 1) % RECENT_COUNT;
     }
 
-    /// The newest that is at least [`BEFORE_S`] old; None while there is none.
+    /// The newest entry that is at least [`BEFORE_S`] old; None while there is none.
     fn before_px(&self, now_s: f64) -> Option<&[Vec2]> {
         let old = |(_, at_s): &&(Vec<Vec2>, f64)| at_s.is_finite() && now_s - at_s >= BEFORE_S - 1e-9;
         self.kept.iter().filter(old).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(px, _)| px.as_slice())
@@ -298,13 +302,13 @@ mod tests {
 
     const PITCH_PX: f64 = 30.0;
 
-    /// What a squeeze about a place does to the gel: it is driven outwards, most at 60 px.
+    /// Displacement of the gel by a squeeze: outwards, largest at 60 px.
     fn squeeze(from_middle: Vec2) -> Vec2 {
         from_middle * (0.1 * (-from_middle.length_squared() / (2.0 * 60.0 * 60.0)).exp())
     }
 
-    /// Markers under a squeeze, its reference taken, that then goes on over the gel in a second; the longest displacement that is taken
-    /// for load in the end, and the longest squeeze, px.
+    /// Takes the reference of a squeeze that then moves over the gel within a second. Returns the largest displacement
+    /// that counts as load at the end, and the largest squeeze, px.
     fn rolled(by: Vec2, follows: bool) -> (f64, f64) {
         let place = |i: u32| Vec2::new(15.0 + PITCH_PX * f64::from(i % 16), 15.0 + PITCH_PX * f64::from(i / 16));
         let mut markers: Vec<Marker> = (0..192).map(|id| Marker::at_rest(id, place(id))).collect();

@@ -6,22 +6,23 @@ use super::features::{FEATURES_COUNT, Features, GEOMETRIC_COUNT};
 use crate::monitor::trees::{Ensemble, parse};
 use std::sync::{Arc, LazyLock};
 
-/// What a frame says.
+/// Estimates from one frame.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Said {
     /// Load over the load at gross slip.
     pub used: f64,
     pub used_sd: f64,
-    /// Standard deviation of the logarithm of it. Before a frame says anything, friction is from 0.2 to 1.3, even by the logarithm; None where
-    /// the trees were fitted to ramps alone.
+    /// Standard deviation of its logarithm, for friction that is log-uniform from 0.2 to 1.3 a priori; None where the
+    /// trees were fitted to ramps alone.
     pub log_used_sd: Option<f64>,
     /// Area that sticks over area in contact.
     pub stick: f64,
     pub stick_sd: f64,
 }
 
-/// The ensembles, each with that of its error: with grip force the logarithm of the used fraction, which is as right for a slow load as
-/// for a fast one, and the stick ratio; without, the used fraction of ramps to gross slip, and the stick ratio.
+/// The ensembles, each with that of its error. With grip force: the logarithm of the used fraction, equally accurate
+/// for slow and fast loads, and the stick ratio. Without: the used fraction of ramps to gross slip, and the stick
+/// ratio.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Trees {
     used: [Ensemble; 2],
@@ -30,20 +31,20 @@ pub(super) struct Trees {
     alone_stick: [Ensemble; 2],
 }
 
-/// The ones that are shipped.
+/// The shipped trees.
 pub(super) fn shipped() -> Arc<Trees> {
     static SHIPPED: LazyLock<Arc<Trees>> =
         LazyLock::new(|| Arc::new(Trees::parse(include_str!("trees.txt")).unwrap_or_default()));
     SHIPPED.clone()
 }
 
-/// Trees of used fraction and stick ratio other than those that are shipped: as `fit_estimates` of slipbound-lab writes them, fitted to other objects
-/// or to another finger. Monitors share them.
+/// Trees of used fraction and stick ratio other than the shipped ones, fitted to other objects or to another finger, as
+/// `fit_estimates` of slipbound-lab writes them. Monitors share them.
 #[derive(Debug, Clone)]
 pub struct EstimateTrees(pub(super) Arc<Trees>);
 
 impl EstimateTrees {
-    /// Reads a table; None where it is none, or where one of the trees is missing.
+    /// Reads a table; None if it is invalid or an ensemble has no trees.
     pub fn parse(table: &str) -> Option<Self> {
         let trees = Trees::parse(table)?;
         let whole = trees.counts().iter().all(|count| *count > 0);
@@ -51,7 +52,7 @@ impl EstimateTrees {
     }
 }
 
-/// The least standard deviation that is ever stated.
+/// Smallest standard deviation reported.
 const LEAST_SD: f64 = 0.02;
 
 /// Names of the ensembles in the table.
@@ -74,7 +75,7 @@ impl Trees {
         Said { used, used_sd: (used * log_used_sd).max(LEAST_SD), log_used_sd: Some(log_used_sd), stick, stick_sd }
     }
 
-    /// From the picture alone: the features that need more are taken for 0, as they were when the trees were fitted.
+    /// From images alone: the features that need more are set to 0, as in the fit of the trees.
     pub fn alone(&self, features: &Features) -> Said {
         let mut seen = *features;
         seen[GEOMETRIC_COUNT..].fill(0.0);
@@ -82,7 +83,7 @@ impl Trees {
         Said { used, used_sd, log_used_sd: None, stick, stick_sd }
     }
 
-    /// None when the table is spoiled.
+    /// None when the table is invalid.
     pub fn parse(text: &str) -> Option<Trees> {
         let [used, used_error, stick, stick_error, alone_used, alone_used_error, alone_stick, alone_stick_error] =
             parse(text, NAMES, FEATURES_COUNT)?;
@@ -94,14 +95,14 @@ impl Trees {
         })
     }
 
-    /// Trees of each ensemble.
+    /// Number of trees of each ensemble.
     pub fn counts(&self) -> Vec<usize> {
         let all = [&self.used, &self.stick, &self.alone_used, &self.alone_stick];
         all.into_iter().flatten().map(Ensemble::trees_count).collect()
     }
 }
 
-/// The value and its standard deviation: the mean length of an error is stated.
+/// The value and its standard deviation: the error ensemble predicts the mean absolute error.
 fn said([value, error]: &[Ensemble; 2], features: &Features) -> (f64, f64) {
     let (value, error) = (value.at(features), error.at(features));
     (value, (1.2533 * error).max(LEAST_SD))

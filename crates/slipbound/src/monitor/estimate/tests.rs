@@ -1,4 +1,4 @@
-//! The parts of step 5 on fields made by hand; against simulated physics: `slipbound-lab/tests/estimates.rs`.
+//! Parts of step 5 on hand-made fields; against simulated physics: `slipbound-lab/tests/estimates.rs`.
 
 use super::field::{FieldFacts, Point, features, fit};
 use super::window::{Sample, Stretches, Window};
@@ -18,8 +18,8 @@ fn finger(scale: f64) -> (Sensor, Vec<Marker>) {
 
 const AREA_PX2: f64 = 25_000.0;
 
-/// Seconds of a disc in contact: a push along x that grows to `far_pitch`, whose rim beyond `stick` of the radius lags to
-/// half of it.
+/// A disc in contact under a push along x that grows to `far_pitch`; its rim beyond `stick` of the radius follows by
+/// half of that.
 fn push(scale: f64, grip_n: Option<f64>, far_pitch: f64, stick: f64) -> Estimator {
     let (sensor, mut markers) = finger(scale);
     let middle = Vec2::new(180.0, 135.0) * scale;
@@ -75,7 +75,7 @@ fn the_load_is_the_sum_over_all_markers() {
 
 #[test]
 fn pull_and_turn_stand_to_each_other_as_shift_and_rotation_of_the_arm() {
-    // A disc, and a strip, whose arm is shorter beside its lever; neither at the border of the view.
+    // A disc, and a strip with a smaller ratio of arm to lever; neither at the border of the view.
     for half in [Vec2::new(90.0, 90.0), Vec2::new(150.0, 20.0)] {
         let (sensor, mut markers) = finger(1.0);
         let middle = Vec2::new(180.0, 135.0);
@@ -103,8 +103,8 @@ fn pull_and_turn_stand_to_each_other_as_shift_and_rotation_of_the_arm() {
     }
 }
 
-/// Torque that is told of a disc of so many px, which a press has spread and which then turns by so much and is pulled, while the picture
-/// shows its middle so far from where its markers have it in the mean; and the torque, both N mm.
+/// Reported and true torque, both N mm, of a disc that a press spreads and that then turns by `turn_rad` and is pulled,
+/// while the middle of its region is `region_off_px` from the mean of its markers.
 fn turned(spread: f64, turn_rad: f64, pull_px: Vec2, region_off_px: Vec2) -> (f64, f64) {
     let (sensor, mut markers) = finger(1.0);
     let (middle, mut torque) = (Vec2::new(180.0, 135.0), 0.0);
@@ -147,11 +147,11 @@ fn a_pull_makes_a_torque_about_the_mean_of_the_middles_of_markers_and_region() {
     assert!((told / truth - 1.0).abs() < 0.02, "{told} N mm of {truth}");
 }
 
-/// What is told of a contact that the view cuts.
+/// Estimates of a contact that the view cuts.
 struct Cut {
     load_n: f64,
     hidden_px2: f64,
-    /// The most by which the load changed in a frame while a marker of the border was in and out of contact.
+    /// Largest change of the load in a frame while a border marker enters and leaves contact.
     jump_n: f64,
     cut_fraction: f64,
     /// The features of these names.
@@ -204,11 +204,11 @@ fn a_contact_that_the_view_cuts_goes_on_to_where_the_gel_ends() {
     let free = cut_by_the_view(None, 0);
     assert!(free.load_n < 0.8 * all.load_n, "the length of the gel is not known: {} N", free.load_n);
     assert_eq!((free.hidden_px2, free.hidden, free.cut_fraction), (0.0, 0.0, all.cut_fraction));
-    // The features are those of the whole contact, not of what is seen of it.
+    // The features are those of the whole contact, not of its visible part.
     let whole = (AREA_PX2 + all.hidden_px2) / AREA_PX2;
     assert!((all.mean_shear / free.mean_shear / whole - 1.0).abs() < 1e-6, "{} {}", all.mean_shear, free.mean_shear);
     assert!((all.hidden - (1.0 - 1.0 / whole)).abs() < 1e-9, "{}", all.hidden);
-    // In contact over the right half alone: the left border stands for free gel, which does not move.
+    // In contact over the right half only: the left border represents free gel, which does not move.
     let half = cut_by_the_view(Some([25.0, 20.0]), 6);
     assert!((half.load_n / all.load_n - 0.5).abs() < 0.03, "{} N", half.load_n);
     assert!((half.hidden_px2 / all.hidden_px2 - 0.5).abs() < 0.05, "{} px2", half.hidden_px2);
@@ -217,7 +217,7 @@ fn a_contact_that_the_view_cuts_goes_on_to_where_the_gel_ends() {
     assert!(small.hidden_px2 == 0.0 && small.load_n <= free.load_n, "{} {}", small.load_n, small.hidden_px2);
 }
 
-/// All markers are carried alike; those of the right column are whole, then cut by the border, then lost.
+/// All markers move equally; those of the right column are whole, then cut by the border, then lost.
 #[test]
 fn a_column_that_leaves_the_view_is_not_missing_from_the_load() {
     for gel_mm in [None, Some([25.0, 20.0])] {
@@ -244,7 +244,7 @@ fn a_load_that_begins_before_the_reading_of_the_grip_has_settled_is_no_squeeze()
     let (sensor, mut markers) = finger(1.0);
     let mut estimator = Estimator::new(&sensor, &markers, false);
     for frame in 0..30u64 {
-        // Squeezed and settled from frame 4 on, by what the gripper says from frame 6 on; loaded from frame 9 on.
+        // The squeeze is settled from frame 4 on, the gripper's reading from frame 6 on; loaded from frame 9 on.
         let pressed = (frame as f64 / 4.0).min(1.0);
         let force_n = 10.0 * (frame as f64 / 6.0).min(1.0);
         let shear_pitch = 0.02 * (frame.max(9) - 9) as f64;
@@ -256,13 +256,13 @@ fn a_load_that_begins_before_the_reading_of_the_grip_has_settled_is_no_squeeze()
         estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n }), AREA_PX2, None, &markers);
     }
     let shear_n = estimator.estimates.shear_n.expect("stiffness known").value;
-    // Markers at the border stand for the gel beyond it as well.
+    // Markers at the border also represent the gel beyond it.
     let all_n = estimator.stiffness_n_per_px3.expect("known") * 0.4 * 30.0 * estimator.load.area_px2();
     assert!((shear_n / all_n - 1.0).abs() < 0.01, "{shear_n} of {all_n} N");
 }
 
-/// The share of markers that seem to have slipped after a grip of 10 N was let go to 5 N while a pull displaced them all by so much, in
-/// pitches; their squeeze stayed as it was.
+/// Share of markers that seem to have slipped after the grip falls from 10 N to 5 N while a pull displaces all of them
+/// by `pull_pitch`; their squeeze does not change.
 fn left_by_a_lighter_grip(pull_pitch: f64) -> f64 {
     let (sensor, mut markers) = finger(1.0);
     let mut estimator = Estimator::new(&sensor, &markers, false);
@@ -348,8 +348,8 @@ fn a_squeeze_is_no_load_and_grows_with_the_grip() {
     assert!(estimator.estimates.shear_n.expect("known").value < 0.05);
 }
 
-/// A squeezed contact that goes to a place over the gel, or drags the gel along there, in two thirds of a second; told where its
-/// middle is, or not.
+/// Features of a squeezed contact that moves over the gel, or drags the gel along, in two thirds of a second; its
+/// middle is known or not.
 fn moved(by_px: Vec2, drags: bool, told: bool) -> Features {
     let (sensor, mut markers) = finger(1.0);
     let mut estimator = Estimator::new(&sensor, &markers, false);
@@ -380,7 +380,8 @@ fn a_contact_that_rolls_leaves_no_slip_behind_and_one_that_drags_the_gel_along_h
 
 #[test]
 fn the_fit_goes_on_from_those_that_stuck() {
-    // Two thirds slip together: from nothing the fit follows them, going on it stays with those that stick.
+    // Two thirds slip together: without an earlier motion the fit follows them; with one it stays with the sticking
+    // markers.
     let point = |i: u32| {
         let rest = Vec2::new(f64::from(i % 6) * 30.0, f64::from(i / 6) * 30.0);
         let moved = if i.is_multiple_of(3) { 20.0 } else { 2.0 };
@@ -473,7 +474,7 @@ fn motion_is_told_from_standing() {
     let mut estimator = Estimator::new(&sensor, &markers, false);
     let mut seen = [[0.0; FEATURES_COUNT]; 60];
     for frame in 0..60u64 {
-        // Settles, is pulled from frame 20 to 40, stands.
+        // Settles, is pulled from frame 20 to 40, then stands still.
         let pulled_px = (frame.clamp(20, 40) - 20) as f64 * 0.6;
         for m in &mut markers {
             m.in_contact = (m.rest - middle).length() < 90.0;

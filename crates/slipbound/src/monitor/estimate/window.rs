@@ -1,18 +1,18 @@
 //! The last fifth of a second of a contact, and the last stretch of its motion.
 
-/// Most frames remembered: 0.2 s at 240 frames/s.
+/// Most frames stored: 0.2 s at 240 frames/s.
 const MOST_COUNT: usize = 48;
 
-/// How long the window is.
+/// Length of the window, s.
 const WINDOW_S: f64 = 0.18;
 
-/// Fewest frames in it that show a change: those of a camera at 10 Hz.
+/// Fewest frames from which a change is computed: those of a camera at 10 Hz.
 const LEAST_COUNT: usize = 3;
 
-/// What is remembered of a frame.
+/// Stored data of a frame.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sample {
-    /// When, in s since the contact began.
+    /// Time in s since the contact began.
     pub at_s: f64,
     /// Grip force per finger.
     pub grip_n: Option<f64>,
@@ -22,11 +22,12 @@ pub(super) struct Sample {
     pub rigid_px: f64,
 }
 
-/// Load and motion when the contact had last moved by a stretch: a fifth of its motion so far, at least what is no noise.
+/// Load and motion at the last two stretches of motion. A stretch is a fifth of the motion so far, and at least above
+/// the noise.
 ///
 /// ```text
 ///   load ^            _.-o  now           tangent stiffness: load gained over motion gained since the stretch before;
-///        |        _.-o                    it stays what it was while nothing moves
+///        |        _.-o                    it is kept while nothing moves
 ///        |     .o'   newest
 ///        |  .o'  before
 ///        +--------------------> rigid motion
@@ -38,7 +39,7 @@ pub(super) struct Stretches {
     tangent_px2: Option<f64>,
 }
 
-/// Where a stretch began.
+/// Start of a stretch.
 #[derive(Debug, Clone, Copy, Default)]
 struct Stretch {
     load_px3: f64,
@@ -53,8 +54,8 @@ impl Stretches {
         *self = Stretches::default();
     }
 
-    /// Takes a frame: load in px3, rigid motion in px. Moves of less than `least_px` are noise. The tangent stiffness in
-    /// px2; None until the contact has moved.
+    /// Adds a frame: load in px3, rigid motion in px. Changes below `least_px` are noise. Returns the tangent stiffness
+    /// in px2; None until the contact has moved.
     pub fn see(&mut self, load_px3: f64, rigid_px: f64, least_px: f64) -> Option<f64> {
         let moved_px = rigid_px - self.before.rigid_px;
         if moved_px.abs() >= least_px {
@@ -66,7 +67,7 @@ impl Stretches {
         self.tangent_px2
     }
 
-    /// The grip has changed: load and motion count from here, the tangent stays.
+    /// The grip has changed: load and motion count from here, the tangent is kept.
     pub fn restart(&mut self, load_px3: f64, rigid_px: f64) {
         let now = Stretch { load_px3, rigid_px };
         (self.newest, self.before) = (now, now);
@@ -89,7 +90,7 @@ impl Window {
         self.count = 0;
     }
 
-    /// Adds a frame; forgets those that are older than the window, but for one.
+    /// Adds a frame; drops all but one of those older than the window.
     pub fn push(&mut self, sample: Sample) {
         let old = |s: &Sample| sample.at_s - s.at_s > WINDOW_S + 1e-9;
         while self.count > 1 && old(&self.samples[1]) || self.count == MOST_COUNT {
@@ -115,8 +116,8 @@ impl Window {
         self.samples[..self.count].first()
     }
 
-    /// Mean of the later half less mean of the earlier half, and the mean of both; None while the window is not full or
-    /// a value is missing.
+    /// Mean of the later half minus mean of the earlier half, and the mean of both; None while the window is not full
+    /// or a value is missing.
     pub fn change(&self, of: impl Fn(&Sample) -> Option<f64>) -> Option<(f64, f64)> {
         let (first, last) = (self.oldest()?, self.newest()?);
         if last.at_s - first.at_s < WINDOW_S - 0.04 || self.count < LEAST_COUNT {

@@ -1,4 +1,4 @@
-//! What the lengths of the markers' displacement say of sliding: relaxation, and how evenly the contact is carried along.
+//! Evidence from the lengths of marker displacements: relaxation, and how evenly the contact is carried along.
 //!
 //! ```text
 //!   |u|  ___/\        relaxation: the gel springs back        |u|   o O O o    sticking: the middle is carried further
@@ -8,23 +8,23 @@
 use crate::monitor::report::Marker;
 use crate::plane::Vec2;
 
-/// Share of the markers whose displacement stays below the one that stands for the field: one marker in ten may be wrong.
+/// Percentile of the displacements that represents the field: one marker in ten may be wrong.
 const FIELD_PERCENTILE: f64 = 0.90;
 
-/// Added to the greatest displacement, in pitches: ten times the noise of a marker, so that noise is no relaxation.
+/// Added to the largest displacement, in pitches: ten times the noise of a marker, so that noise is no relaxation.
 const STILL_PITCH: f64 = 0.02;
 
-/// Markers that are moved by less than this share of the 95th percentile do not belong to what is carried along.
+/// Markers displaced by less than this share of the 95th percentile do not count as carried along.
 const CARRIED_FRACTION: f64 = 0.35;
 
-/// What the displacement since the reference says.
+/// Evidence from the displacement since the reference.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Field {
     lengths: Vec<f64>,
-    /// Distance from the middle of what is carried along, and displacement.
+    /// Distance from the middle of the markers carried along, and displacement.
     carried: Vec<(f64, f64)>,
     distances: Vec<f64>,
-    /// Greatest 90th percentile since the reference, px.
+    /// Largest 90th percentile since the reference, px.
     most_px: f64,
     /// That percentile now, px.
     pub(super) now_px: f64,
@@ -42,12 +42,12 @@ impl Field {
         }
     }
 
-    /// Displacement counts anew.
+    /// Starts from a new reference.
     pub(super) fn restart(&mut self) {
         (self.most_px, self.now_px, self.relaxation, self.centre_rim_ratio) = (0.0, 0.0, 0.0, None);
     }
 
-    /// Takes a frame: where each marker was in the reference frame, and where it is.
+    /// Adds a frame: positions of the markers in the reference frame, and now.
     pub(super) fn take(&mut self, reference_px: &[Vec2], markers: &[Marker], pitch_px: f64) {
         let still_px = STILL_PITCH * pitch_px;
         let seen = || markers.iter().zip(reference_px).filter(|(m, _)| m.matched);
@@ -84,7 +84,7 @@ impl Field {
     }
 }
 
-/// The value below which a share of them lies, between two of them where it falls there. Puts them in another order.
+/// The value below which a share of them lies, interpolated between two of them. Reorders them.
 fn percentile(values: &mut [f64], share: f64) -> f64 {
     let Some(last) = values.len().checked_sub(1) else { return 0.0 };
     let at = share * last as f64;

@@ -1,4 +1,4 @@
-//! The motion of the gel between its markers: marker displacements -> where every point of the gel is now.
+//! The motion of the gel between its markers: marker displacements -> current position of every point of the gel.
 //!
 //! ```text
 //!   markers: o  o  o        nodes every half pitch, each a local linear fit        any point: bilinear
@@ -10,30 +10,30 @@ use crate::monitor::report::Marker;
 use crate::pixels::wide::wide;
 use crate::plane::Vec2;
 
-/// Nodes stand this far apart, in pitches.
+/// Distance between nodes, in pitches.
 const NODE_PITCH: f64 = 0.5;
 
-/// Spread of the Gaussian that weighs the markers around a node, in pitches: the nearest four carry the fit, the next
-/// ring steadies it.
+/// Spread of the Gaussian that weighs the markers around a node, in pitches: the nearest four dominate the fit, the
+/// next ring stabilizes it.
 const REACH_PITCH: f64 = 0.7;
 
 /// Markers beyond this many spreads do not count.
 const CUT_REACHES: f64 = 3.2;
 
-/// Least weight of the slopes of the fit against its mean, so that a node beside the markers does not extrapolate wildly.
+/// Ridge on the slopes of the fit, relative to its mean: limits extrapolation at nodes beside the markers.
 const SLOPE_RIDGE: f64 = 0.02;
 
-/// Neighbouring nodes whose sums are taken side by side, one in each lane of a vector.
+/// Neighbouring nodes that are summed in parallel, one in each lane of a vector.
 const GROUP: usize = 8;
 
-/// Displacement of the gel at the nodes; the weights are made once from the markers at rest.
+/// Displacement of the gel at the nodes; the weights are computed once from the markers at rest.
 #[derive(Debug, Clone)]
 pub(super) struct GelMotion {
     columns: usize,
     step_px: f64,
-    /// Of each group of nodes, where its markers start; one more than there are groups.
+    /// For each group of nodes, where its markers start; one more than there are groups.
     starts: Vec<u32>,
-    /// The markers that count for a node of the group, ascending, and their weights: zero for nodes they are too far from.
+    /// The markers that count for a node of the group, ascending, and their weights: zero for nodes too far away.
     markers: Vec<u32>,
     weights: Vec<[f32; GROUP]>,
     of_markers_px: Vec<[f32; 2]>,
@@ -49,7 +49,7 @@ impl GelMotion {
         let nodes_count = columns * rows;
         let (mut starts, mut markers, mut weights) = (vec![0], Vec::new(), Vec::new());
         for first in (0..nodes_count).step_by(GROUP) {
-            // Weights of the group by marker; a marker's row is all zeros where no node wants it.
+            // Weights of the group by marker; the row of a marker that no node uses is all zeros.
             let mut of_group = vec![[0.0; GROUP]; rest_px.len()];
             for (lane, i) in (first..nodes_count.min(first + GROUP)).enumerate() {
                 let node = Vec2::new((i % columns) as f64, (i / columns) as f64) * step_px;
@@ -74,7 +74,7 @@ impl GelMotion {
         }
     }
 
-    /// Takes over where the markers are.
+    /// Updates the displacements from the markers.
     pub(super) fn take(&mut self, markers: &[Marker]) {
         for (moved, marker) in self.of_markers_px.iter_mut().zip(markers) {
             let now_from_rest = marker.now_from_rest();
@@ -84,7 +84,7 @@ impl GelMotion {
         node_sums(displacements_px, &self.markers, &self.weights, starts, &mut self.displacement_px);
     }
 
-    /// Between which nodes a coordinate lies, of `count` of them along its axis, and how far from the first to the next.
+    /// The node before a coordinate, of `count` nodes along its axis, and the fraction of the way to the next.
     fn between(&self, at_px: f64, count: usize) -> (usize, f32) {
         let at = at_px.max(0.0) / self.step_px;
         let first = (at as usize).min(count - 2);
@@ -95,7 +95,7 @@ impl GelMotion {
 /// The motion of the gel at the points of a grid, bilinear between four nodes.
 #[derive(Debug, Clone)]
 pub(super) struct GelGrid {
-    /// Of each column and each row of the grid: the node before it, and how far it is to the next.
+    /// For each column and each row of the grid: the node before it, and the fraction of the way to the next.
     columns: Vec<(usize, f32)>,
     rows: Vec<(usize, f32)>,
     nodes_per_row: usize,
@@ -104,7 +104,7 @@ pub(super) struct GelGrid {
 }
 
 impl GelGrid {
-    /// For points of the gel that rest at these coordinates, px.
+    /// For points of the gel with these rest coordinates, px.
     pub(super) fn new(gel: &GelMotion, columns_px: &[f64], rows_px: &[f64]) -> Self {
         let node_rows = gel.displacement_px.len() / gel.columns;
         let between = |px: &[f64], count: usize| px.iter().map(|&at| gel.between(at, count)).collect();
@@ -116,7 +116,7 @@ impl GelGrid {
         }
     }
 
-    /// Takes over how the gel has moved.
+    /// Updates the grid from the motion of the gel.
     pub(super) fn take(&mut self, gel: &GelMotion) {
         let n = self.columns.len();
         for (row, nodes) in gel.displacement_px.chunks_exact(self.nodes_per_row).enumerate() {
@@ -128,7 +128,7 @@ impl GelGrid {
         }
     }
 
-    /// Where the points of a row of the grid that rest at (`columns_px`, `row_px`) are now, px.
+    /// Current positions of the points of a row of the grid that rest at (`columns_px`, `row_px`), px.
     pub(super) fn places_of_row(
         &self,
         row: usize,
@@ -145,7 +145,7 @@ impl GelGrid {
 }
 
 wide! {
-    /// Of each node, the sum of the displacements of its group's markers by its weights, in the order of the markers.
+    /// For each node, the weighted sum of the displacements of its group's markers, in the order of the markers.
     fn node_sums(of_markers: &[[f32; 2]], markers: &[u32], weights: &[[f32; GROUP]], starts: &[u32], nodes: &mut [[f32; 2]]) {
         for (nodes, range) in nodes.chunks_mut(GROUP).zip(starts.windows(2)) {
             let range = range[0] as usize..range[1] as usize;
@@ -174,10 +174,10 @@ wide! {
     }
 }
 
-/// Markers, and weights with which their displacements make that of a node: the value at the node of a line fitted by
-/// weighted least squares.
+/// Markers and weights whose weighted sum of displacements is that of a node: the value there of a linear function
+/// fitted by weighted least squares.
 fn weights_of(node: Vec2, rest_px: &[Vec2], reach_px: f64) -> Vec<(u32, f32)> {
-    // Where markers are far, the fourth nearest sets the reach.
+    // Where markers are sparse, the fourth nearest sets the reach.
     let mut nearest = [f64::MAX; 4];
     for &p in rest_px {
         let d = (p - node).length();

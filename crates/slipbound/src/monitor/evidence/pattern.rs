@@ -1,7 +1,7 @@
-//! The imprint in gel coordinates: what stays the same while the object sticks, however the gel is sheared.
+//! The imprint in gel coordinates: constant while the object sticks, however the gel is sheared.
 //!
 //! ```text
-//!   picture --undo the gel's motion--> gel coordinates --markers masked, minus a blur--> pattern
+//!   image ----undo the gel's motion--> gel coordinates --markers masked, minus a blur--> pattern
 //!                                                                 correlated with the reference: imprint change
 //! ```
 
@@ -15,28 +15,28 @@ use crate::pixels::wide::wide;
 use crate::plane::{Vec2, nearest_px};
 use crate::sensor::{Sensor, Skin};
 
-/// Spread of the blur that is taken off, in pitches. Shading of the whole contact and of the light is wider, the
+/// Spread of the blur that is subtracted, in pitches. Shading of the whole contact and of the light is coarser, the
 /// edges and creases of an object are finer.
 const BLUR_PITCH: f64 = 0.4;
 
-/// Spread of the blur on a fabric skin, in pitches. There the pattern is what is left by the blur: the weave stays with
-/// the gel, the patch in which it is pressed moves with the object.
+/// Spread of the blur on a fabric skin, in pitches. There the pattern is the blurred contrast: the weave moves with the
+/// gel, the patch in which it is pressed moves with the object.
 const BLUR_PITCH_FABRIC: f64 = 0.5;
 
-/// Least weight of the cells under that blur: a patch is not continued beyond what is seen.
+/// Least weight of the cells under that blur: a patch is not extrapolated beyond what is visible.
 const LEAST_WEIGHT_FRACTION: f32 = 0.3;
 
-/// Markers hide the pattern within this many of their diameters of their centre: their own rim, and half a cell.
+/// Markers hide the pattern within this many of their diameters from their centre: their own rim, and half a cell.
 const MASK_DIAMETERS: f64 = 1.0;
 
-/// Contrast of the weave at rest, averaged over the frames before anything touches.
+/// Contrast of the weave at rest, averaged over frames without contact.
 #[derive(Debug, Clone)]
 struct Weave {
     contrast: Vec<f32>,
     frames_count: u32,
 }
 
-/// Frames after which more of them no longer make the weave at rest any better known.
+/// Number of frames averaged: more would not improve the weave at rest.
 const WEAVE_FRAMES_COUNT: u32 = 30;
 
 /// The pattern of the last frame; owns its scratch.
@@ -45,15 +45,16 @@ pub(super) struct Pattern {
     picture: Picture,
     /// 1 where no marker covers a cell of the gel, else 0.
     free: Vec<u8>,
-    /// Where cells rest, px, by column and by row; how the gel there has moved; and where a row of them is in the picture.
+    /// Rest positions of the cells, px, by column and by row; motion of the gel there; and positions of a row of them
+    /// in the image.
     columns_px: Vec<f32>,
     rows_px: Vec<f32>,
     gel: GelGrid,
     places: Places,
-    /// Camera's view: what is outside is not seen.
+    /// View of the camera: cells outside it are not seen.
     view: Option<Mask>,
     blur: Blur,
-    /// Fabric: the weave at rest, its contrast in each gel cell; zero where nobody saw it unloaded.
+    /// Fabric: contrast of the weave at rest in each gel cell; zero without a frame of it unloaded.
     weave: Option<Weave>,
     blurred: Planes,
     /// Band-passed, in gel coordinates.
@@ -61,7 +62,7 @@ pub(super) struct Pattern {
 }
 
 impl Pattern {
-    /// `rest_px`: the markers at rest. `gel`: how the gel between them will move.
+    /// `rest_px`: the markers at rest. `gel`: the motion of the gel between them.
     pub(super) fn new(sensor: &Sensor, rest_px: &[Vec2], view: Option<&Mask>, gel: &GelMotion) -> Self {
         let picture = Picture::new(sensor);
         let count = picture.shades.len();
@@ -101,7 +102,7 @@ impl Pattern {
         self.picture.cell_px
     }
 
-    /// Takes the weave of a frame in which nothing touches, for the one at rest. Nothing on a smooth gel.
+    /// Adds the weave of a frame without contact to the one at rest. Does nothing on a smooth gel.
     pub(super) fn learn_rest(&mut self, imprint: &Imprint) {
         let Some(weave) = &mut self.weave else { return };
         if weave.frames_count >= WEAVE_FRAMES_COUNT {
@@ -115,7 +116,7 @@ impl Pattern {
         }
     }
 
-    /// Takes the pattern of the frame taken last.
+    /// Computes the pattern of the last frame.
     pub(super) fn take(&mut self, imprint: &Imprint, gel: &GelMotion) {
         self.picture.take(imprint);
         self.gel.take(gel);
@@ -141,7 +142,7 @@ impl Pattern {
         }
     }
 
-    /// Shades of the cells of the gel, wherever they are in the picture now.
+    /// Reads the shades of the gel cells at their current positions in the image.
     fn look_up(&mut self) {
         let n = self.picture.columns;
         for (y, free) in self.free.chunks_exact(n).enumerate() {
@@ -161,7 +162,7 @@ impl Pattern {
 }
 
 wide! {
-    /// Takes off the blurred shades, where cells are seen.
+    /// Subtracts the blurred shades where cells are seen.
     fn take_off(blurred: &[f32], weights: &[f32], seen: &[f32], plane: &mut [f32]) {
         for ((out, blurred), (seen, weight)) in plane.iter_mut().zip(blurred).zip(seen.iter().zip(weights)) {
             *out = (*out - blurred / weight.max(1e-6)) * seen;

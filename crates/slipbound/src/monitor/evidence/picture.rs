@@ -1,7 +1,7 @@
-//! What carries the imprint of an object, on coarse cells of the rectified image.
+//! The quantity that carries the imprint of an object, on coarse cells of the rectified image.
 //!
 //! ```text
-//!   smooth gel:  ln R/G and ln B/G of a cell: the slope of the surface, free of brightness
+//!   smooth gel:  ln R/G and ln B/G of a cell: the slope of the surface, independent of brightness
 //!   fabric:      ln of the contrast of the weave in a cell: the weave shows where something presses it
 //! ```
 
@@ -16,16 +16,16 @@ use crate::sensor::{Sensor, Skin};
 /// Two numbers of a cell; the second is zero on a fabric skin.
 pub(super) type Shade = [f32; 2];
 
-/// Added to levels before a logarithm is taken, so that the noise of dark cells stays small.
+/// Added to levels before the logarithm, so that the noise of dark cells stays small.
 const DARK_LEVELS: f32 = 4.0;
 
-/// Cells whose places in the table are found at once.
+/// Number of cells whose table indices are computed at once.
 const STRETCH: usize = 64;
 
-/// Steps of the table of logarithms to a level.
+/// Entries of the table of logarithms per level.
 const STEPS_PER_LEVEL: f32 = 8.0;
 
-/// Where a rectified cell lies between the cells of the camera.
+/// Position of a rectified cell between the cells of the camera.
 #[derive(Debug, Clone, Copy)]
 struct Tap {
     cell: u32,
@@ -35,13 +35,13 @@ struct Tap {
 
 #[derive(Debug, Clone)]
 enum Carrier {
-    /// Colours of camera cells; one tap a rectified cell, none where both are the same.
+    /// Colours of camera cells; one tap per rectified cell, none where both are the same.
     Colour { taps: Vec<Tap>, camera: Vec<Shade>, camera_columns: usize, ln: Vec<f32> },
     /// Contrast of the weave.
     Weave { sums: Vec<u16>, contrast: Vec<f32>, ln: Vec<f32> },
 }
 
-/// The picture; owns its scratch.
+/// The cells of an image, with scratch.
 #[derive(Debug, Clone)]
 pub(super) struct Picture {
     pub(super) cell_px: usize,
@@ -81,7 +81,7 @@ impl Picture {
         }
     }
 
-    /// Takes the shades of the frame taken last.
+    /// Computes the shades of the last frame.
     pub(super) fn take(&mut self, imprint: &Imprint) {
         match &mut self.carrier {
             Carrier::Weave { sums, contrast, ln } => {
@@ -111,12 +111,12 @@ impl Picture {
         }
     }
 
-    /// Finds between which cells the places of a row lie.
+    /// Finds the cells around each position of a row.
     pub(super) fn locate(&self, places: &mut Places) {
         locate(places, self.cells_per_px, [self.columns, self.rows]);
     }
 
-    /// The shade at the place `i` of a row that has been located and lies inside, between four cells.
+    /// The shade at position `i` of a located row, which must lie inside, interpolated between four cells.
     #[inline]
     pub(super) fn at(&self, places: &Places, i: usize) -> Shade {
         mix(&self.shades, self.columns, places.corner[i] as usize, places.right[i], places.down[i])
@@ -131,7 +131,7 @@ impl Picture {
 }
 
 wide! {
-    /// Where the logarithms of levels stand in a table of `table_length`.
+    /// Indices of the logarithms of levels in a table of `table_length`.
     fn table_places(levels: &[f32], table_length: usize, places: &mut [u32]) {
         let last = (table_length - 1) as f32;
         for (place, &levels) in places.iter_mut().zip(levels) {
@@ -149,14 +149,14 @@ fn mix(shades: &[Shade], columns: usize, at: usize, right: f32, down: f32) -> Sh
     })
 }
 
-/// Places of the rectified image, px, and between which cells they lie; scratch of one row.
+/// Positions in the rectified image, px, and the cells around them; scratch of one row.
 #[derive(Debug, Clone)]
 pub(super) struct Places {
     pub(super) x_px: Vec<f32>,
     pub(super) y_px: Vec<f32>,
-    /// 1 where a place lies between four cells, 0 beyond the outermost.
+    /// 1 where a position lies between four cells, 0 beyond the outermost.
     pub(super) inside: Vec<u8>,
-    /// The upper left of the four, and how far it is to the next.
+    /// The upper left of the four, and the fractions of the way to the next.
     corner: Vec<u32>,
     right: Vec<f32>,
     down: Vec<f32>,
@@ -196,7 +196,7 @@ wide! {
     }
 }
 
-/// Where each rectified cell lies in the camera's picture; empty where that is the rectified one.
+/// Position of each rectified cell in the camera image; empty where that is the rectified one.
 fn taps(sensor: &Sensor, cell_px: usize, columns: usize, rows: usize, camera: usize, camera_rows: usize) -> Vec<Tap> {
     let middle = (cell_px as f64 - 1.0) / 2.0;
     let straight = sensor.rectification.is_none() && !sensor.flip.is_horizontal() && !sensor.flip.is_vertical();
@@ -222,7 +222,7 @@ fn taps(sensor: &Sensor, cell_px: usize, columns: usize, rows: usize, camera: us
 mod tests {
     use super::*;
 
-    /// Four cells of a picture of three columns: the shade between them is even along both ways.
+    /// Four cells of an image of three columns: the shade between them is bilinear.
     #[test]
     fn a_shade_between_four_cells_is_mixed_by_the_way_to_each() {
         let mut shades = [Shade::default(); 9];
@@ -243,7 +243,7 @@ mod tests {
         }
     }
 
-    /// Where the cells of a picture of 320 x 240 px, of 4 px each, lie in the camera's, in cells.
+    /// Positions of the cells of an image of 320 x 240 px, of 4 px each, in the camera image, in cells.
     fn tapped(sensor: &Sensor) -> Vec<Vec2> {
         let place = |tap: &Tap| {
             let corner = Vec2::new(f64::from(tap.cell % 80), f64::from(tap.cell / 80));
@@ -257,7 +257,8 @@ mod tests {
         use crate::plane::Homography;
         use crate::sensor::{Flip, Rectification, tests::smooth};
         assert!(tapped(&smooth()).is_empty(), "the same picture");
-        // Flipped about one axis or both; shifted by half a cell along x and one and a half along y, but not out of the picture.
+        // Flipped about one axis or both; shifted by half a cell along x and one and a half along y, but not out of the
+        // image.
         let shift = Homography([[1.0, 0.0, -2.0], [0.0, 1.0, -6.0], [0.0, 0.0, 1.0]]);
         let shifted = Some(Rectification { homography: shift, crop_px: [0, 0, 320, 240], distortion: None });
         type Place = fn(Vec2) -> Vec2;

@@ -1,8 +1,8 @@
-//! Shades of the cells of a picture, plane by plane, and how alike two of them are.
+//! Shades of the cells of an image, plane by plane, and the correlation of two of them.
 
 use crate::pixels::wide::wide;
 
-/// Numbers summed side by side, so that the sum is the same and fast on every machine.
+/// Numbers summed in parallel, so that the sum is the same and fast on every machine.
 const LANES_COUNT: usize = 8;
 
 /// Shades of cells, row by row; zero in cells that are not seen.
@@ -20,18 +20,18 @@ impl Planes {
         Planes { shades: vec![vec![0.0; cells_count]; planes_count], seen: vec![0.0; cells_count] }
     }
 
-    /// Becomes the same as `other`.
+    /// Copies `other`.
     pub(super) fn copy_from(&mut self, other: &Planes) {
         self.shades.iter_mut().zip(&other.shades).for_each(|(to, from)| to.copy_from_slice(from));
         self.seen.copy_from_slice(&other.seen);
     }
 
-    /// All planes, that of what is seen last.
+    /// All planes, `seen` last.
     pub(super) fn all_mut(&mut self) -> impl Iterator<Item = &mut Vec<f32>> {
         self.shades.iter_mut().chain([&mut self.seen])
     }
 
-    /// 1 - correlation with another picture, over the cells that both see; None when one of them is flat there.
+    /// 1 - correlation with other planes, over the cells seen in both; None when one of them is flat there.
     pub(super) fn change(&self, other: &Planes) -> Option<f64> {
         let (mut both, mut here, mut there) = (0.0, 0.0, 0.0);
         for (a, b) in self.shades.iter().zip(&other.shades) {
@@ -56,12 +56,12 @@ wide! {
     }
 }
 
-/// The sum over two rows of numbers of what `term` makes of each pair. In single precision over short stretches only.
+/// The sum of `term` over the pairs of two rows of numbers. In single precision over short stretches only.
 #[inline(always)]
 pub(super) fn sum_of(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f32) -> f64 {
     const STRETCH: usize = 16 * LANES_COUNT;
     let mut total = 0.0;
-    // Loops, not adaptors: what they fold with would be compiled for the baseline.
+    // Loops, not adaptors: the closures that these fold with would be compiled for the baseline.
     for (a, b) in a.chunks(STRETCH).zip(b.chunks(STRETCH)) {
         let mut lanes = [0.0f32; LANES_COUNT];
         let (a_lanes, a_rest) = a.as_chunks::<LANES_COUNT>();

@@ -1,44 +1,44 @@
-//! How imprint and gel have moved of late: what the verdict on gross slip looks at.
+//! Recent motion of imprint and gel: input of the verdict on gross slip.
 
 use super::sliding::{Motion3, dot, length, minus};
 use crate::monitor::passed::passed_s;
 
-/// Most frames remembered: 0.4 s at 240 frames/s.
+/// Most frames stored: 0.4 s at 240 frames/s.
 const MOST_COUNT: usize = 96;
 
-/// Times that are looked back over, s. A frame counts for the time that lies nearest.
+/// Windows to look back over, s. Each starts at the frame nearest to its length.
 pub(in crate::monitor) const WINDOWS_S: [f64; 4] = [1.0 / 30.0, 2.0 / 30.0, 0.1, 0.2];
 
-/// How far back a pace is looked for, s; above 120 frames/s as far as frames are remembered.
+/// How far back the pace is measured, s; above 120 frames/s as far as frames are stored.
 const PACE_S: f64 = 0.8;
 
-/// Over this way of the imprint the pace is taken, pitches.
+/// Motion of the imprint over which the pace is measured, pitches.
 const PACE_PITCH: f64 = 0.13;
 
-/// Least motion by which a share is divided, pitches: noise.
+/// Smallest divisor of a share of motion, pitches: the noise.
 const LEAST_PITCH: f64 = 0.013;
 
 /// Motion over a window.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(in crate::monitor) struct Moved {
-    /// Of the imprint over the gel, pitches in the whole window.
+    /// Motion of the imprint over the gel, pitches in the whole window.
     pub over_pitch: f64,
-    /// How far the gel went along in that direction, over it.
+    /// Motion of the gel in that direction, divided by it.
     pub carried_fraction: f64,
-    /// Of the gel, pitches in the whole window.
+    /// Motion of the gel, pitches in the whole window.
     pub gel_pitch: f64,
 }
 
-/// What is known of the motion up to a frame.
+/// Recent motion up to a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(in crate::monitor) struct Recent {
     /// By window.
     pub windows: [Moved; WINDOWS_S.len()],
-    /// How far the gel is sheared since the reference, pitches.
+    /// Shear of the gel since the reference, pitches.
     pub sheared_pitch: f64,
-    /// Speed of the imprint over its last 0.13 pitch, pitches/s; 0 where it took longer than is looked back.
+    /// Speed of the imprint over its last 0.13 pitch, pitches/s; 0 where that took longer than the look-back.
     pub pace_pitch_per_s: f64,
-    /// How far the gel went along meanwhile, over it; 1 where nothing slides.
+    /// Motion of the gel meanwhile, divided by that of the imprint; 1 where nothing slides.
     pub pace_carried_fraction: f64,
 }
 
@@ -67,7 +67,7 @@ impl RecentMotion {
         (self.count, self.last_ns) = (0, None);
     }
 
-    /// Takes a frame: how far the imprint is over the gel and how far the gel is sheared, both since the reference, px.
+    /// Adds a frame: motion of the imprint over the gel and shear of the gel, both since the reference, px.
     pub(super) fn take(&mut self, over_gel: Motion3, of_gel: Motion3, time_ns: Option<u64>) -> Recent {
         let passed_s = passed_s(std::mem::replace(&mut self.last_ns, time_ns), time_ns);
         let at_s = if self.count == 0 { 0.0 } else { self.back(1).at_s + passed_s };
@@ -83,12 +83,12 @@ impl RecentMotion {
         }
     }
 
-    /// So many frames back from where the next one goes: 1 is the newest.
+    /// The frame this many before the next one: 1 is the newest.
     fn back(&self, frames_count: usize) -> &Step {
         &self.steps[(self.count - frames_count) % MOST_COUNT]
     }
 
-    /// Frames that are known before the newest.
+    /// Number of stored frames before the newest.
     fn known_before(&self) -> usize {
         self.count.min(MOST_COUNT) - 1
     }
@@ -105,7 +105,7 @@ impl RecentMotion {
         if passed_s <= 0.0 {
             return Moved::default();
         }
-        // A contact that is younger than the window has moved no faster than this.
+        // The motion of a contact younger than the window is not extrapolated.
         let whole = if back == known { 1.0 } else { window_s / passed_s } / self.pitch_px;
         let (over, gel) = (minus(now.over_gel, then.over_gel), minus(now.of_gel, then.of_gel));
         Moved {
@@ -144,7 +144,7 @@ impl RecentMotion {
 mod tests {
     use super::*;
 
-    /// What is known after a slide at 3 pitches/s, of which the gel takes a fifth, at so many frames a second.
+    /// Recent motion after a slide at 3 pitches/s, of which the gel takes a fifth, at `frames_per_s`.
     fn after_a_slide(frames_per_s: u64, frames_count: u64) -> Recent {
         let mut motion = RecentMotion::new(20.0);
         let mut recent = Recent::default();

@@ -1,7 +1,7 @@
-//! How far the imprint has moved over the gel: its pattern registered against a key frame, small motions only.
+//! Motion of the imprint over the gel: its pattern is registered against a key frame, for small motions only.
 //!
 //! ```text
-//!   now - key  =  - gradient . (shift + turn x arm)      least squares over all cells; key taken anew after a small shift
+//!   now - key  =  - gradient . (shift + turn x arm)      least squares over all cells; new key after a small shift
 //! ```
 
 use super::pattern::Pattern;
@@ -9,15 +9,15 @@ use super::planes::{Planes, sum_of};
 use crate::pixels::wide::wide;
 use crate::plane::Vec2;
 
-/// The key frame is taken anew when the imprint has moved this far against it, in pitches: beyond, the pattern is no
-/// longer a straight line between two cells.
+/// The key frame is replaced when the imprint has moved this far against it, in pitches: beyond, the pattern is no
+/// longer linear between two cells.
 const KEY_PITCH: f64 = 0.15;
 
-/// The same when the pattern has changed by more than this: what is left in common no longer says where it went.
+/// It is also replaced when the pattern has changed by more than this: too little is left in common to register it.
 const KEY_CHANGE: f64 = 0.4;
 
-/// Least weight of each unknown against the strongest, so that what a pattern does not show (along a straight edge)
-/// stays zero instead of anything.
+/// Ridge on each unknown, relative to the strongest: a motion that the pattern does not show (along a straight edge)
+/// stays zero instead of arbitrary.
 const RIDGE: f64 = 0.02;
 
 /// Motion of the imprint over the gel since the reference.
@@ -30,7 +30,7 @@ pub(super) struct Slide {
     key_px: f64,
     pub(super) shift_px: Vec2,
     pub(super) turn_rad: f64,
-    /// Mean arm about which a turn was seen, px.
+    /// Mean arm of the rotation, px.
     pub(super) arm_px: f64,
 }
 
@@ -48,7 +48,7 @@ impl Slide {
         }
     }
 
-    /// Counts from the pattern as it is now.
+    /// Starts from the current pattern.
     pub(super) fn restart(&mut self, pattern: &Pattern) {
         (self.shift_px, self.turn_rad) = (Vec2::ZERO, 0.0);
         self.take_key(pattern);
@@ -59,7 +59,7 @@ impl Slide {
         (self.key_shift_px, self.key_turn_rad) = (self.shift_px, self.turn_rad);
     }
 
-    /// Takes the pattern of the next frame.
+    /// Adds the pattern of the next frame.
     pub(super) fn take(&mut self, pattern: &Pattern) {
         let Some((shift_px, turn_rad, arm_px)) = self.against_key(pattern) else { return };
         self.arm_px = arm_px;
@@ -71,14 +71,15 @@ impl Slide {
         }
     }
 
-    /// Shift in px and turn of the pattern against the key, and the mean arm of what it was found by.
+    /// Shift in px and rotation of the pattern against the key, and the mean arm of the cells that it is found from.
     fn against_key(&mut self, pattern: &Pattern) -> Option<(Vec2, f64, f64)> {
         let sums = self.sums.over(&pattern.now, &self.key);
         let weight = sums.xx + sums.yy;
         if weight <= 0.0 {
             return None;
         }
-        // The turn is about the middle of what is seen; its unknown is times the arm, a length like the shift's.
+        // The rotation is about the middle of the visible pattern; its unknown is multiplied by the arm: a length like
+        // the shift.
         let centre = sums.at / weight;
         let arm = (sums.at_squared / weight - centre.length_squared()).max(1.0).sqrt();
         let middle = centre.turned();
@@ -96,8 +97,9 @@ impl Slide {
     }
 }
 
-/// Sums over all cells that both patterns see with their neighbours, of the slope (x, y) of their mean, of its moment
-/// t = slope . (place turned by 90 degrees), and of the step s from key to now. Lengths in cells; places from the middle.
+/// Sums over all cells seen, with their neighbours, in both patterns: of the slope (x, y) of their mean, of its moment
+/// t = slope . (position turned by 90 degrees), and of the step s from key to now. Lengths in cells; positions from the
+/// middle.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     xx: f64,
@@ -109,7 +111,7 @@ struct Sums {
     xs: f64,
     ys: f64,
     ts: f64,
-    /// Place, weighted by the square of the slope.
+    /// Position, weighted by the square of the slope.
     at: Vec2,
     at_squared: f64,
 }
@@ -119,7 +121,7 @@ struct Sums {
 struct RowSums {
     /// Column from the middle.
     column: Vec<f32>,
-    /// 1 where both see the cell and its neighbours.
+    /// 1 where both patterns have the cell and its neighbours.
     whole: Vec<f32>,
     x: Vec<f32>,
     y: Vec<f32>,
@@ -174,7 +176,7 @@ impl RowSums {
 }
 
 wide! {
-    /// 1 where both see a cell and its four neighbours.
+    /// 1 where both patterns have a cell and its four neighbours.
     fn seen_by_both(now: [&[f32]; 5], key: [&[f32]; 5], whole: &mut [f32]) {
         let n = whole.len();
         let (now, key) = (now.map(|line| &line[..n]), key.map(|line| &line[..n]));
@@ -212,8 +214,8 @@ wide! {
         }
     }
 
-    /// The sums of a row: x x, x y, y y; x and y with y times column; that squared; x, y and y times column with the step; of the
-    /// weight times column alone and with the column.
+    /// The sums of a row: x x, x y, y y; x and y with y times column; that squared; x, y and y times column with the
+    /// step; of the weight times column alone and with the column.
     fn sums_of_row(of: &RowSums) -> [f64; 11] {
         let dot = |a: &[f32], b: &[f32]| sum_of(a, b, |a, b| a * b);
         [
@@ -225,7 +227,7 @@ wide! {
     }
 }
 
-/// Stretches of a plane of this length.
+/// Slices of a plane of this length.
 fn neighbours(plane: &[f32], starts: [usize; 5], length: usize) -> [&[f32]; 5] {
     starts.map(|start| &plane[start..start + length])
 }

@@ -1,4 +1,4 @@
-//! Whether the object slides as a whole: it goes on over the gel, and the gel is no longer carried along.
+//! Whether the object slides as a whole: it moves over the gel, and the gel is no longer carried along.
 //!
 //! ```text
 //!   sticking:  object ---->   gel ---->      creeping at the rim:  object ---->   gel -->      sliding:  object ---->   gel .
@@ -10,7 +10,7 @@
 /// Motion along x, along y, and turn times arm, px.
 pub(super) type Motion3 = [f64; 3];
 
-/// Frames that are looked back at: at 30 Hz a slide of 0.25 mm/s is seen with a pitch of 1.5 mm.
+/// Number of frames to look back over: at 30 Hz a slide of 0.25 mm/s is detected with a pitch of 1.5 mm.
 const BACK_FRAMES_COUNT: usize = 24;
 
 /// Settings of the verdict, in px and shares.
@@ -18,9 +18,9 @@ const BACK_FRAMES_COUNT: usize = 24;
 pub(super) struct SlidingSettings {
     /// The imprint must have moved this far over the gel.
     pub(super) least_px: f64,
-    /// While it did, the gel may have gone along by at most this share of it.
+    /// Meanwhile the gel may have moved along by at most this share of it.
     pub(super) along_fraction: f64,
-    /// The gel must be sheared this far towards where the object slides: a rolling contact moves, too, but does not pull.
+    /// The gel must be sheared this far in the direction of the slide: a rolling contact moves, too, but does not pull.
     pub(super) sheared_px: f64,
     /// A pattern that changes by this much from one frame to the next has jumped.
     pub(super) jump_change: f64,
@@ -34,10 +34,10 @@ struct Step {
     time_ns: Option<u64>,
 }
 
-/// A slide that goes on.
+/// A slide in progress.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sliding {
-    /// Its speed, px/s; None where frames have no time or the imprint has jumped further than can be followed.
+    /// Its speed, px/s; None where frames have no time or the imprint has jumped further than can be tracked.
     pub(super) speed_px_per_s: Option<f64>,
 }
 
@@ -47,7 +47,7 @@ pub(super) struct SlidingWatch {
     settings: SlidingSettings,
     steps: [Step; BACK_FRAMES_COUNT],
     count: usize,
-    /// Frames that the slide last took for the least motion; None while nothing slides.
+    /// Fewest frames in which the slide covered the least motion; None while nothing slides.
     pace_frames: Option<usize>,
 }
 
@@ -56,13 +56,13 @@ impl SlidingWatch {
         SlidingWatch { settings, steps: [Step::default(); BACK_FRAMES_COUNT], count: 0, pace_frames: None }
     }
 
-    /// Counts anew.
+    /// Discards all frames.
     pub(super) fn restart(&mut self) {
         (self.count, self.pace_frames) = (0, None);
     }
 
-    /// Takes a frame: how far the imprint is over the gel and how far the gel is sheared, both since the reference, and how
-    /// much the pattern has changed since the last frame.
+    /// Adds a frame: motion of the imprint over the gel and shear of the gel, both since the reference, and change of
+    /// the pattern since the last frame.
     pub(super) fn take(
         &mut self,
         over_gel: Motion3,
@@ -75,15 +75,15 @@ impl SlidingWatch {
         self.steps[self.count % BACK_FRAMES_COUNT] = now;
         self.count += 1;
         if sliding.is_none() && self.pace_frames.take().is_some() {
-            // What it slid before it stopped is no slide of what comes.
+            // Motion before a stop does not count for a later slide.
             (self.steps[0], self.count) = (now, 1);
         }
         sliding
     }
 
-    /// The shortest time back over which the imprint has moved far enough says whether the gel went along.
+    /// The shortest time back over which the imprint has moved far enough decides whether the gel moved along.
     fn look_back(&mut self, now: &Step) -> Option<Sliding> {
-        // A slide that stops is not said for longer than it would take to come on.
+        // A stopped slide is reported for no longer than it takes to detect one.
         let most = self.pace_frames.map_or(BACK_FRAMES_COUNT, |pace| 2 * pace + 3);
         for back in 1..=most.min(self.count).min(BACK_FRAMES_COUNT) {
             let then = self.steps[(self.count - back) % BACK_FRAMES_COUNT];
@@ -98,7 +98,7 @@ impl SlidingWatch {
             if !sheared || along_px > self.settings.along_fraction * length_px {
                 return None;
             }
-            // The best pace counts: from a stop on, the same motion lies further back with every frame.
+            // The fastest pace counts: after a stop, the same motion lies further back with every frame.
             self.pace_frames = Some(self.pace_frames.map_or(back, |pace| pace.min(back)));
             let seconds = now.time_ns.zip(then.time_ns).map(|(a, b)| a.saturating_sub(b) as f64 * 1e-9);
             return Some(Sliding { speed_px_per_s: seconds.filter(|s| *s > 0.0).map(|s| length_px / s) });
@@ -106,7 +106,7 @@ impl SlidingWatch {
         None
     }
 
-    /// An imprint that is nowhere near where it was, on a gel that is sheared and stands still.
+    /// An imprint that has jumped, on a gel that is sheared and stands still.
     fn jump(&mut self, now: &Step, change: f64) -> Option<Sliding> {
         let then = self.steps[self.count.checked_sub(1)? % BACK_FRAMES_COUNT];
         let still = length(minus(now.of_gel, then.of_gel)) <= self.settings.least_px;
@@ -138,8 +138,8 @@ mod tests {
     const SETTINGS: SlidingSettings =
         SlidingSettings { least_px: 3.0, along_fraction: 0.25, sheared_px: 1.5, jump_change: 0.5 };
 
-    /// Whether each frame says that it slides; the object moves by `step_px` a frame, and this share of it is carried by
-    /// the gel.
+    /// Whether a slide is reported in each frame; the object moves by `step_px` a frame, and the gel carries this share
+    /// of it.
     fn said(carried: impl Fn(usize) -> f64, step_px: f64, frames: usize) -> Vec<bool> {
         let mut watch = SlidingWatch::new(SETTINGS);
         let (mut over, mut gel) = (0.0, 0.0);
@@ -186,7 +186,7 @@ mod tests {
         assert_eq!(watch.take([0.1; 3], [4.1, 0.0, 0.0], 0.8, None), Some(Sliding { speed_px_per_s: None }));
     }
 
-    /// What was seen before counts no more: neither a way that was nearly long enough nor a slide that went on.
+    /// Earlier frames do not count: neither a motion that was nearly far enough nor a slide in progress.
     #[test]
     fn what_was_seen_before_a_restart_is_forgotten() {
         let mut watch = SlidingWatch::new(SETTINGS);

@@ -1,26 +1,26 @@
-//! By how much load and grip force have grown of late: a load that grows is still carried, one that has stopped growing while the imprint
-//! moves is friction's.
+//! Recent growth of load and grip force: a load that grows is still carried; one that has stopped growing while the
+//! imprint moves is limited by friction.
 
 use crate::monitor::evidence::WINDOWS_S;
 
-/// Most frames remembered: the longest window at 240 frames/s, and some.
+/// Most frames stored: the longest window at 240 frames/s, and some.
 const MOST_COUNT: usize = 64;
 
-/// Least load by which a growth is divided: none.
+/// Smallest divisor of a growth: practically no load.
 const LEAST: f64 = 1e-9;
 
 /// Load on a contact and the grip force in a frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Loaded {
-    /// When, s, on any clock.
+    /// Time, s, on any clock.
     pub at_s: f64,
-    /// Load in the plane and torque as one number, in any unit.
+    /// Load in the plane and torque combined, in any unit.
     pub load: f64,
     /// Grip force, N per finger; 0 where it is not known.
     pub grip_n: f64,
 }
 
-/// Growth over a window, as a share of what there is now.
+/// Growth over a window, as a share of the current value.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Grown {
     pub load_fraction: f64,
@@ -39,8 +39,8 @@ impl Growth {
         Growth { frames: [Loaded::default(); MOST_COUNT], count: 0 }
     }
 
-    /// Takes a frame; the growth over each of the windows, by that since the frame which lies nearest to its beginning. A contact that is younger
-    /// has grown by what is known.
+    /// Adds a frame. Returns the growth over each window, scaled from the growth since the frame nearest to its start;
+    /// for a contact younger than the window, the growth so far.
     pub fn see(&mut self, now: Loaded) -> [Grown; WINDOWS_S.len()] {
         self.frames[self.count % MOST_COUNT] = now;
         self.count += 1;
@@ -69,7 +69,7 @@ impl Growth {
 mod tests {
     use super::*;
 
-    /// What is known after half a second in which the load grows by 4 a second and the grip by 2.
+    /// Growth after half a second in which the load grows by 4 a second and the grip by 2.
     fn after_half_a_second(frames_per_s: u64) -> [Grown; WINDOWS_S.len()] {
         let mut growth = Growth::new();
         let mut grown = [Grown::default(); WINDOWS_S.len()];

@@ -1,32 +1,33 @@
-//! Whether an object slides that was held before anything was seen: by the slide score, while it grows.
+//! Whether an object slides that is held from the first frame: by the slide score, while it grows.
 //!
 //! ```text
-//!   slide score over 1, and greater than ever --> it slides, until neither the score has grown nor the imprint moved for 0.3 s
+//!   slide score over 1, and at a new maximum --> it slides, until score growth and imprint motion stop for 0.3 s
 //! ```
-//! The estimates count from a gel that nothing loads, which such a recording does not show; the score counts from the first frame, and was
-//! scaled on real lifts that begin like this.
+//! The estimates need the unloaded gel, which such a recording does not show; the score starts from the first frame,
+//! and is scaled on real lifts that begin like this.
 
 use crate::monitor::evidence::Recent;
 
 /// Slide score over which the object slides: halfway from held to slid in the mean of its parts.
 const SLIDES: f64 = 1.0;
 
-/// Growth of the score that is no noise: a thirtieth of the way from held to slid in one of its three parts.
+/// Growth of the score above its noise: a thirtieth of the way from held to slid in one of its three parts.
 const GROWS: f64 = 0.02;
 
-/// Motion of the imprint over the gel within 67 ms with which a slide goes on, pitches: three times the noise of what stands still.
+/// Motion of the imprint over the gel within 67 ms that continues a slide, pitches: three times the noise at
+/// standstill.
 const GOES_ON_PITCH: f64 = 0.03;
 
-/// Which of the windows that is.
+/// Index of that window.
 const WINDOW: usize = 1;
 
-/// How long a slide is said after the last that was seen of it, s.
+/// How long a slide is reported after it was last detected, s.
 const LASTS_S: f64 = 0.3;
 
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ScoreWatch {
     greatest: f64,
-    /// When something was last seen of the slide; None while nothing slides.
+    /// When the slide was last detected; None while nothing slides.
     seen_s: Option<f64>,
 }
 
@@ -35,7 +36,7 @@ impl ScoreWatch {
         ScoreWatch { greatest: 0.0, seen_s: None }
     }
 
-    /// Takes the slide score of a frame and the motion of late; whether it slides.
+    /// Adds the slide score and the recent motion of a frame; returns whether the object slides.
     pub fn see(&mut self, at_s: f64, slide_score: f64, recent: Option<&Recent>) -> bool {
         let grows = slide_score >= self.greatest + GROWS;
         if grows {
@@ -58,7 +59,7 @@ mod tests {
     use super::*;
     use crate::monitor::evidence::Moved;
 
-    /// What is said of frames at 30 Hz, (score, motion of the imprint within 67 ms, pitches) each.
+    /// Verdicts on frames at 30 Hz, (score, motion of the imprint within 67 ms, pitches) each.
     fn said(frames: &[(f64, f64)]) -> Vec<bool> {
         let mut watch = ScoreWatch::new();
         let mut see = |(frame, &(score, over_pitch)): (usize, &(f64, f64))| {
@@ -71,8 +72,8 @@ mod tests {
     #[test]
     fn it_slides_from_one_on_while_the_score_grows_or_the_imprint_moves() {
         let mut frames = vec![(0.3, 0.1), (0.9, 0.1), (1.01, 0.1)];
-        frames.extend([(1.5, 0.04); 20]); // it goes on, the score has no more to tell
-        frames.extend([(1.5, 0.02); 20]); // it stands
+        frames.extend([(1.5, 0.04); 20]); // it slides on at a constant score
+        frames.extend([(1.5, 0.02); 20]); // it stands still
         let said = said(&frames);
         assert_eq!(said[..3], [false, false, true]);
         let last = said.iter().rposition(|slides| *slides).expect("it slid");

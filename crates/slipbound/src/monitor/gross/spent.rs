@@ -1,38 +1,40 @@
-//! Whether the friction is spent, by the estimates alone: used fraction and stick ratio, smoothed.
+//! Whether the friction is spent, from the estimates alone: used fraction and stick ratio, smoothed.
 //!
 //! ```text
-//!   used, stick (step 5) --filter of first order--> at least 0.94 used, at most 0.18 stick?  spent, until it is well below
+//!   used, stick (step 5) --first-order filter--> at least 0.94 used, at most 0.18 stick?  spent, until well below
 //! ```
-//! The usual error of a frame is no slide, nor does it end one; and frames that are estimated in turns say the same as with every step in
-//! every frame.
+//! The filter keeps the usual error of a frame from starting or ending a slide. The result is the same whether or not
+//! every step runs in every frame.
 
 use crate::monitor::report::Estimate;
 
-/// Used fraction from which and stick ratio up to which the friction is spent, both smoothed with this time constant, s. Chosen together with
-/// the probability from which motion alone is said, among a thousand settings, on 600 ramps of two seeds, so that false words (below 0.8 of
-/// the load) stay below half a per cent there: two, and 567 told within two frames of gross slip; by motion alone, from .95 on, five and 546.
-/// On 600 ramps of a third seed that nobody had looked at: five and 580.
+/// Least used fraction and largest stick ratio of spent friction, both smoothed with this time constant, s. Chosen
+/// together with the probability from which motion alone is reported, among a thousand settings, on 600 ramps of two
+/// seeds, so that false alarms (below 0.8 of the load) stay below half a per cent there: two, and 567 slides reported
+/// within two frames of gross slip; by motion alone, from .95 on, five and 546. On 600 ramps of a third, held-out seed:
+/// five and 580.
 const USED: f64 = 0.94;
 const STICK: f64 = 0.18;
 const SMOOTH_S: f64 = 0.04;
 
-/// Used fraction and stick ratio with which a slide goes on that the estimates alone have told.
+/// Used fraction and stick ratio with which a slide detected from the estimates alone continues.
 pub(super) const GOES_ON_USED: f64 = 0.8;
 pub(super) const GOES_ON_STICK: f64 = 0.3;
 
-/// Weight of a frame after a gap: that of this time, s. After the next, s, in which neither contact nor load has moved on, the estimates are those of
-/// a motion that may have ended; one that goes on moves the imprint.
+/// Largest time step of the filter, s, for a frame after a gap. Time without new motion of contact or load after which
+/// the slide ends, s: the estimates are then those of a motion that may have ended, and one that continues moves the
+/// imprint.
 const STEP_S: f64 = 1.0 / 30.0;
 const LASTS_S: f64 = 0.3;
 
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Spent {
     at_s: Option<f64>,
-    /// When contact or load last moved on, so that the estimates were new.
+    /// When contact or load last moved, so that the estimates were new.
     moved_s: Option<f64>,
     used: f64,
     stick: f64,
-    /// Whether it is.
+    /// Whether the friction is spent.
     pub lasts: bool,
 }
 
@@ -41,7 +43,7 @@ impl Spent {
         Spent { at_s: None, moved_s: None, used: 0.0, stick: 1.0, lasts: false }
     }
 
-    /// Takes the estimates of a frame.
+    /// Adds the estimates of a frame.
     pub fn see(&mut self, at_s: f64, used: f64, stick: Estimate) {
         let passed_s = self.at_s.replace(at_s).map_or(0.0, |before_s| (at_s - before_s).clamp(0.0, STEP_S));
         let share = 1.0 - libm::exp(-passed_s / SMOOTH_S);
@@ -55,7 +57,7 @@ impl Spent {
         self.lasts = is_spent && self.moved_s.is_some_and(|moved_s| at_s - moved_s <= LASTS_S);
     }
 
-    /// Takes a frame in which they are not known: markers that are lost for a moment are no other motion.
+    /// Adds a frame without estimates. The filter keeps its state: markers lost for a moment are not another motion.
     pub fn pause(&mut self) {
         self.lasts = false;
     }
@@ -65,7 +67,7 @@ impl Spent {
 mod tests {
     use super::*;
 
-    /// From 0.9 and 0.3 on, which is not enough: what is said of the frames that follow, (used, stick, age in frames) each.
+    /// Verdicts on the frames, (used, stick, age in frames) each, that follow 0.9 and 0.3, which is not enough.
     fn said_of(rate_hz: f64, then: &[(f64, f64, u32)]) -> Vec<bool> {
         let (mut spent, before) = (Spent::new(), [(0.9, 0.3, 0); 40]);
         let mut see = |(frame, &(used, value, age_frames)): (usize, &(f64, f64, u32))| {

@@ -1,39 +1,39 @@
-//! Which marker is which after frames were missed.
+//! Recovers the identity of the markers after missed frames.
 //!
 //! ```text
-//!   tried: every motion of the whole field, in steps of half a pitch
+//!   tried: every translation of the whole field, in steps of half a pitch
 //!
-//!   right        o  o   o  o     each marker where its neighbours say: they stand as unevenly as at rest
-//!   a pitch off   o   o  o   o   the unevenness belongs to other markers
+//!   right        o  o   o  o     each marker is where its neighbours predict it: irregular as at rest
+//!   a pitch off   o   o  o   o   the irregularities belong to other markers
 //! ```
 //!
-//! Printed and painted dots stand some hundredths of a pitch off their grid; that tells a marker from the next. Where they do
-//! not, nothing is said.
+//! Printed and painted dots are some hundredths of a pitch off their grid, which distinguishes a marker from the next.
+//! Where they are not, there is no result.
 
 use super::matching::Matching;
 use crate::monitor::report::Marker;
 use crate::plane::Vec2;
 
-/// Motions up to so many pitches, in steps of half of one, are tried.
+/// Steps tried each way along both axes, and their length.
 const STEPS_EACH_WAY: i32 = 5;
 const STEP_PITCH: f64 = 0.5;
-/// Spots this near to a tried place are looked at: more than the way to the nearest step.
+/// Spots this near to a tried position are considered: more than the distance to the nearest step.
 const REACH_PITCH: f64 = 0.4;
-/// Motions that explain the spots worse than the best by more than this share of a spot that is not there are not looked at.
+/// Motions are skipped when their misfit exceeds the least one by more than this share of that of a missing spot.
 const WORSE_FRACTION: f64 = 0.15;
-/// The best motion must leave markers this much nearer to where their neighbours say than any other.
+/// The deviation from the neighbours under the best motion must be at most this share of that under any other.
 const CLEARLY_NEARER: f64 = 0.7;
 /// Two answers this near are the same.
 const SAME_PITCH: f64 = 0.5;
 
-/// An answer: how the markers moved, and how far they then are from where their neighbours say (median).
+/// A candidate: the motion of the markers, and their median distance from the positions predicted by their neighbours.
 #[derive(Debug, Clone, Copy)]
 struct Answer {
     motion: Vec2,
     off_px: f64,
 }
 
-/// Finds the motion of the whole field that nobody saw; owns its scratch.
+/// Finds the motion of the whole field during missed frames; owns its scratch.
 #[derive(Debug, Clone)]
 pub(super) struct Anchor {
     offs_px: Vec<f64>,
@@ -46,8 +46,8 @@ impl Anchor {
         Anchor { offs_px: Vec::with_capacity(markers_count), answers: Vec::with_capacity(tried * tried) }
     }
 
-    /// The motion of the markers from where they were `before`, px; None where two motions explain the spots alike. Matches of
-    /// `matching` are gone afterwards.
+    /// The motion of the markers from `before`, px; None where two motions explain the spots equally well. Clears the
+    /// matches of `matching`.
     pub(super) fn find(
         &mut self,
         matching: &mut Matching,
@@ -81,7 +81,7 @@ impl Anchor {
         (best.off_px <= CLEARLY_NEARER * next_px).then_some(best.motion)
     }
 
-    /// What the matches that are there say.
+    /// The candidate given by the current matches.
     fn look(&mut self, matching: &Matching, markers: &[Marker], before: impl Iterator<Item = Vec2>) -> Option<Answer> {
         let (mut sum, mut count) = (Vec2::ZERO, 0.0);
         self.offs_px.clear();

@@ -1,4 +1,4 @@
-//! Markers in one picture: spots, their sub-pixel centres, and the markers of the rest frame.
+//! Markers in one image: spots, their sub-pixel centres, and the markers of the rest frame.
 
 use super::settings::{Finder, MarkerSettings};
 use super::threshold::ThresholdFinder;
@@ -22,14 +22,14 @@ pub(crate) struct RestMarker {
     pub(crate) response_levels: f32,
     /// Whether its edge is ragged, so that the wide kernel is used.
     ragged: bool,
-    /// How fast the pull of its edge grows off centre; 0 where even the wide kernel finds no edge.
+    /// How fast the pull of its edge grows away from the centre; 0 where even the wide kernel finds no edge.
     stiffness: f64,
-    /// From the coarse spot to the position: what to add when its edge is not used.
+    /// From the coarse spot to the position; added where its edge is not used.
     offset: Vec2,
 }
 
 impl RestMarker {
-    /// Whether its numbers can be, those of its position aside.
+    /// Checks that its numbers are possible, except for the position.
     pub(crate) fn check(&self, key: &str) -> Result<(), SettingError> {
         within(&format!("{key}.response_levels"), f64::from(self.response_levels), -255.0, 255.0)?;
         within(&format!("{key}.stiffness"), self.stiffness, -1e12, 1e12)?;
@@ -41,17 +41,17 @@ impl RestMarker {
 /// A weave at most this many times as strong as at rest is not pressed.
 pub(super) const BARE_WEAVE: f64 = 1.5;
 
-/// An edge that pulls further than this from where the look of a marker was found is not the marker's, px.
+/// An edge pull that ends further than this from the template fit is not the marker's, px.
 const FAR_PULL_PX: f64 = 1.0;
 
-/// How much of the place is the fit's, the rest being the pull of the edge: none while the weave is at most half again as strong as
-/// at rest, where the edge is the more exact, and all where it is three times as strong: a pressed weave takes the edge along, by
-/// 0.08 px in the mean under a box at 60 N.
+/// Weight of the template fit against the edge pull: zero up to a weave half again as strong as at rest, where the edge
+/// is more exact; one from three times as strong, because a pressed weave shifts the edge: by 0.08 px on average under
+/// a box at 60 N.
 fn share(fit: &Fit) -> f64 {
     ((fit.weave - BARE_WEAVE) / 1.5).clamp(0.0, 1.0)
 }
 
-/// Eight places on a circle around a centre, from there.
+/// Eight points on a circle, relative to its centre.
 pub(super) fn rim(radius_px: f64) -> [Vec2; 8] {
     std::array::from_fn(|k| {
         let angle = k as f64 * std::f64::consts::FRAC_PI_4;
@@ -59,7 +59,7 @@ pub(super) fn rim(radius_px: f64) -> [Vec2; 8] {
     })
 }
 
-/// Grey levels of the 3 x 3 pixels around a place together; None at the border.
+/// Sum of the grey levels of the 3 x 3 pixels around a position; None at the border.
 pub(super) fn core_levels(grey: &[u8], size: SizePx, place: Vec2) -> Option<i32> {
     let (x, y) = (nearest_px(place.x), nearest_px(place.y));
     let inside = |v: isize, end: usize| v >= 1 && v < end as isize - 1;
@@ -71,7 +71,7 @@ pub(super) fn core_levels(grey: &[u8], size: SizePx, place: Vec2) -> Option<i32>
     Some(row(0) + row(1) + row(2))
 }
 
-/// Finds markers, without memory of earlier pictures.
+/// Finds markers; independent of earlier images.
 #[derive(Debug, Clone)]
 pub(crate) struct Detector {
     settings: MarkerSettings,
@@ -81,7 +81,7 @@ pub(crate) struct Detector {
     wide: EdgeKernel,
     ragged_below_ratio: f64,
     radius_px: f64,
-    /// Places just outside a marker's edge, all around it, from its centre.
+    /// Points just outside a marker's edge, all around it, relative to its centre.
     rim: [Vec2; 8],
     expected_count: usize,
 }
@@ -91,7 +91,7 @@ impl Detector {
         let (size, diameter_px, pitch_px) = (sensor.rectified_px(), sensor.marker_diameter_px, sensor.pitch_px);
         let sharp = EdgeKernel::new(diameter_px, pitch_px, 0.25);
         let wide = EdgeKernel::new(diameter_px, pitch_px, 0.6);
-        // On a round dot the sharp kernel pulls this much harder than the wide one.
+        // Ratio of the pull of the sharp kernel on a round dot to that of the wide one.
         let round_ratio = sharp.stiffness_of_a_disc(1.0) / wide.stiffness_of_a_disc(1.0);
         Detector {
             settings: settings.clone(),
@@ -115,15 +115,15 @@ impl Detector {
         }
     }
 
-    /// Learns what a finder needs of the rest picture: the paper's local thresholds.
+    /// Learns from the rest image what a finder needs: the paper's local thresholds.
     pub(crate) fn learn(&mut self, flat_at_rest: &[u8]) {
         if let Some(threshold) = &mut self.threshold {
             threshold.learn(flat_at_rest);
         }
     }
 
-    /// The sub-pixel place of a marker whose spot was found; None where the border of the image, or of what the camera sees, cuts it: what
-    /// is left of its rim would pull it inwards.
+    /// The sub-pixel position of a marker whose spot was found; None where it is cut by the border of the image or of
+    /// the camera's view: the rest of its rim would pull it inwards.
     pub(crate) fn refine(&self, imprint: &Imprint, spot: &Spot, rest: &RestMarker) -> Option<Vec2> {
         let coarse = spot.position + rest.offset;
         if self.threshold.is_some() {
@@ -139,7 +139,7 @@ impl Detector {
         Some(self.pulled(self.kernel(rest), imprint, spot.position, rest.stiffness * contrast).unwrap_or(coarse))
     }
 
-    /// The place of a marker near where it is expected, by its edge alone; None at the border and where no edge pulls.
+    /// The position of a marker near its expected one, by its edge alone; None at the border and without an edge.
     pub(super) fn follow(&self, imprint: &Imprint, start: Vec2, contrast: f64, rest: &RestMarker) -> Option<Vec2> {
         if rest.stiffness == 0.0 || !self.sharp.holds(imprint.size(), start) || !self.in_view(imprint, start) {
             return None;
@@ -151,8 +151,8 @@ impl Detector {
         if rest.ragged { &self.wide } else { &self.sharp }
     }
 
-    /// The place of a marker whose look was found: between the fit of dot and weave and where the edge pulls, from the spot there or,
-    /// where none is, from `start`. Where the weave is pressed it is the fit, and no edge is looked at.
+    /// The position of a marker whose template was found: a weighted mean of the fit and the edge pull, which starts at
+    /// the spot or, without one, at `start`. Where the weave is pressed, it is the fit alone.
     pub(super) fn blend(
         &self,
         imprint: &Imprint,
@@ -172,7 +172,7 @@ impl Detector {
         pulled.map_or(fit.place, |place| place + (fit.place - place) * share)
     }
 
-    /// Where the edge pulls a start to; None at the border or when it pulls out of the dot.
+    /// Position to which the edge pulls from `start`; None at the border or when it is outside the dot.
     fn pulled(&self, kernel: &EdgeKernel, imprint: &Imprint, start: Vec2, stiffness: f64) -> Option<Vec2> {
         let longest_px = 0.3 * self.radius_px;
         let centre = kernel.centre(&imprint.grey, imprint.size(), start, stiffness, longest_px, 5)?;
@@ -183,7 +183,7 @@ impl Detector {
     pub(crate) fn markers_at_rest(&mut self, imprint: &Imprint) -> Vec<RestMarker> {
         self.learn(&imprint.flat);
         let spots = self.spots(imprint, self.settings.birth_min_levels).to_vec();
-        // Strongest first: half of the markers that fit into the image are markers for certain.
+        // Spots are strongest first: the first half of the markers that fit into the image are certainly markers.
         let typical = spots.get((self.expected_count / 2).min(spots.len().saturating_sub(1)));
         let least = typical.map_or(0.0, |s| s.response_levels * self.settings.birth_contrast_fraction as f32);
         let mut markers: Vec<RestMarker> = spots
@@ -228,23 +228,23 @@ impl Detector {
         })
     }
 
-    /// The centre that a kernel pulls to from a spot, and the stiffness there.
+    /// The centre to which a kernel pulls from a spot, and the stiffness there.
     fn settle(&self, imprint: &Imprint, start: Vec2, ragged: bool) -> Option<(Vec2, f64)> {
         let kernel = if ragged { &self.wide } else { &self.sharp };
         let stiffness = |at: Vec2| kernel.stiffness(&imprint.grey, imprint.size(), at).filter(|s| *s != 0.0);
         let rough = stiffness(start)?;
         let centre = self.pulled(kernel, imprint, start, rough)?;
-        // Once more at the centre itself, where the pull is straight.
+        // Repeated at the centre itself, where the pull is linear.
         let fine = stiffness(centre).filter(|s| s * rough > 0.0)?;
         Some((self.pulled(kernel, imprint, centre, fine).unwrap_or(centre), fine))
     }
 
-    /// Whether a marker there lies whole in the part of the image that the camera sees, on undamaged skin.
+    /// Whether a marker at `centre` is entirely in the camera's view, on undamaged skin.
     fn whole(&self, imprint: &Imprint, centre: Vec2) -> bool {
         self.sharp.holds(imprint.size(), centre) && imprint.seen().is_none_or(|seen| self.is_within(seen, centre))
     }
 
-    /// Whether the camera sees all of a marker there.
+    /// Whether the camera sees all of a marker at `centre`.
     pub(super) fn in_view(&self, imprint: &Imprint, centre: Vec2) -> bool {
         imprint.view().is_none_or(|view| imprint.is_amid(centre, self.radius_px + 2.0) || self.is_within(view, centre))
     }

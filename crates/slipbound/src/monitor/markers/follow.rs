@@ -1,10 +1,11 @@
-//! Between two searches for spots, which a camera at 90 Hz gets in every third frame while a marker is missing and in every fifth else: each marker is followed from where its own motion takes it.
+//! Between two searches for spots (at 90 Hz: in every third frame while a marker is missing, else in every fifth), each
+//! marker is followed from the position predicted by its own motion.
 //!
 //! ```text
-//!   place + last step --edge pull, or look where the weave is pressed--> place     as dark there as in the frame before?
-//!                                                                                  any marker not: all are searched
+//!   position + last step --edge pull, or template where the weave is pressed--> position   core as dark as before?
+//!                                                                                          if any is not: full search
 //! ```
-//! What is lost is sought in the next search, three frames later at most, and coasts with its neighbours until then.
+//! Lost markers wait for the next search, three frames later at most, and move with their neighbours until then.
 
 use super::detect::core_levels;
 use super::look::{Looks, Seen};
@@ -12,11 +13,11 @@ use super::{Markers, is_away};
 use crate::monitor::imprint::Imprint;
 use crate::plane::Vec2;
 
-/// A core that has become lighter or darker by this share of the contrast of the dot is not the core any more.
+/// A core whose brightness changed by more than this share of the dot's contrast is no longer the marker's.
 const CORE_CHANGE: f64 = 0.4;
 
 impl Markers {
-    /// Follows the markers that are whole; whether all of them were found. If not, none has moved.
+    /// Follows the whole markers. Returns whether all were found; if not, no position is changed.
     pub(super) fn follow(&mut self, imprint: &Imprint, touched: bool) -> bool {
         let known = self.anchored && self.untrusted_frames_count == 0 && self.matched_count > 0;
         if !known || !self.settings.follows() {
@@ -39,7 +40,7 @@ impl Markers {
         true
     }
 
-    /// Where a whole marker is, near where its motion takes it.
+    /// Finds a whole marker near the position predicted by its motion.
     fn near(&mut self, imprint: &Imprint, i: usize, touched: bool) -> Option<Vec2> {
         let track = &self.tracks[i];
         let start = self.all[i].now + track.step;
@@ -67,7 +68,7 @@ impl Markers {
         Some(place)
     }
 
-    /// Mean step of the whole neighbours since the frame before; none where there are none.
+    /// Mean step of the whole markers around since the previous frame; zero without any.
     fn step_around(&self, i: usize) -> Vec2 {
         let (mut sum, mut count) = (Vec2::ZERO, 0u32);
         for n in self.matching.with_neighbours(i).filter(|&n| self.all[n].whole) {

@@ -1,11 +1,11 @@
-//! Whether a place shows the marker that is sought: its own look at rest decides between the dot and a gap of the weave.
+//! Checks whether a position shows the marker: its template from rest distinguishes the dot from a gap of the weave.
 //!
 //! ```text
 //!   spot of the marker -----------.
-//!   last place + median step of    >-- each fitted with the marker's own dot and weave --> the better explained, or neither
+//!   last position + median step of >-- each fitted with the marker's own dot and weave --> the better fit, or neither
 //!   the neighbours since then ----'
 //! ```
-//! Where nothing presses the weave, and spot and neighbours agree, the spot is the dot.
+//! Where the weave is not pressed, and spot and neighbours agree, the spot is taken as the dot.
 
 use super::detect::{BARE_WEAVE, RestMarker};
 use crate::image::SizePx;
@@ -14,36 +14,36 @@ use crate::pixels::template::{Fit, Start, Template, Window, darkness};
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
-/// The look of a marker reaches so far from its middle: most of the way to the next dot.
+/// Radius of the template of a marker: most of the way to the next dot.
 const REACH_PITCH: f64 = 0.35;
-/// Two starts this near, in pitches, lead to the same place.
+/// Two starts this near, in pitches, converge to the same position.
 const SAME_PITCH: f64 = 0.12;
-/// A fit stays this near to where it started.
+/// Largest distance of a fit from its start.
 const SEARCH_PITCH: f64 = 0.16;
-/// The place of a marker explains at least this share of what is seen there.
+/// A fit explains at least this share of the variance of its window.
 const LEAST_EXPLAINED: f64 = 0.35;
-/// And shows at least this share of the dot at rest.
+/// And its dot has at least this share of its strength at rest.
 const LEAST_DOT: f64 = 0.4;
 
-/// The looks of all markers at rest, and what was last seen of their weave.
+/// The templates of all markers at rest, and the last fitted strength of their weave.
 #[derive(Debug, Clone)]
 pub(super) struct Looks {
     window: Window,
     templates: Vec<Option<Template>>,
     weave: Vec<f64>,
-    /// From the place of each marker to that of its fit, when it was last looked at, px: a fit that starts there ends at once.
+    /// From the position of each marker to its last fit, px: a fit started there converges at once.
     leads: Vec<Vec2>,
     pitch_px: f64,
 }
 
-/// What is at the place of a marker.
+/// What was found at the position of a marker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Seen {
     /// The marker, here.
     At(Fit),
     /// Not the marker.
     Doubtful,
-    /// It was not looked at: its look is not known, or it is at the border.
+    /// Not checked: it has no template, or it is at the border.
     Unknown,
 }
 
@@ -56,28 +56,28 @@ impl Looks {
         Looks { window, templates, weave: vec![1.0; markers.len()], leads: vec![Vec2::ZERO; markers.len()], pitch_px }
     }
 
-    /// Whether the spot of marker `i` is the marker without a look at it: its weave was not pressed when it was last looked at, and
-    /// its neighbours went the same way. Of markers away from the contact.
+    /// Whether the spot of marker `i` is accepted without a template fit: its weave was not pressed at the last fit,
+    /// and its neighbours moved the same way. For markers away from the contact.
     pub(super) fn is_plain(&self, i: usize, spot: Option<Vec2>, inferred: Option<Vec2>) -> bool {
         self.weave[i] <= BARE_WEAVE && self.agree(spot, inferred)
     }
 
-    /// Whether two places lead to the same fit.
+    /// Whether two starts converge to the same fit.
     fn agree(&self, spot: Option<Vec2>, inferred: Option<Vec2>) -> bool {
         spot.zip(inferred).is_some_and(|(a, b)| (a - b).length() < SAME_PITCH * self.pitch_px)
     }
 
-    /// Where the fit of marker `i` lay apart from its place when it was last looked at, px.
+    /// From the position of marker `i` to its last fit, px.
     pub(super) fn lead(&self, i: usize) -> Vec2 {
         self.leads[i]
     }
 
-    /// Marker `i`, whose fit is known, was taken to be at `place`.
+    /// Stores that marker `i` with this fit was placed at `place`.
     pub(super) fn taken(&mut self, i: usize, fit: &Fit, place: Vec2) {
         self.leads[i] = fit.place - place;
     }
 
-    /// Looks for marker `i` at its spot and where its neighbours went.
+    /// Fits the template of marker `i` at its spot and where its neighbours moved.
     pub(super) fn look(
         &mut self,
         imprint: &Imprint,
@@ -108,7 +108,7 @@ impl Looks {
                 Seen::At(fit)
             }
             None if held => {
-                // What nonsense has taught of the weave must not keep the marker from being found.
+                // Reset: a wrong weave strength must not prevent the marker from being found again.
                 (self.weave[i], self.leads[i]) = (1.0, Vec2::ZERO);
                 Seen::Doubtful
             }
@@ -117,7 +117,7 @@ impl Looks {
     }
 }
 
-/// How dark the dots of this finger are at a distance from their middle, px.
+/// Darkness of the dots of this finger against the distance from their centre, px.
 fn profile(grey: &[u8], size: SizePx, markers: &[RestMarker], diameter_px: f64) -> impl Fn(f64) -> f64 {
     let step_px = 0.5;
     let dark = darkness(grey, size, markers.iter().map(|m| m.position), step_px, 0.9 * diameter_px);

@@ -1,8 +1,8 @@
-//! Which spot is which marker.
+//! Matching of spots to markers.
 //!
-//! Three rules, in this order: a spot near the predicted place is the marker, nearest pairs first; a match that
-//! contradicts all neighbours is undone; a marker without a spot is sought where its neighbours went. A marker
-//! still without a spot is expected there, and coasts with them.
+//! Three rules, in this order: a spot near the predicted position is the marker, nearest pairs first; a match that
+//! contradicts its neighbours is undone; a marker without a spot is searched for where its neighbours moved. A marker
+//! still without a spot is expected there and moves with them.
 
 use super::median::middle_of;
 use super::plane_fit::{Around, NEIGHBOURS, slopes};
@@ -14,27 +14,27 @@ use crate::pixels::dots::Spot;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
-/// A match is undone when it is further from what the neighbours say than this: a swap with the next marker is a
-/// whole pitch off, the gradient at the rim of a slipping contact less than half of one.
+/// A match is undone when it is further than this from the position predicted by its neighbours: a swap with the next
+/// marker is off by a whole pitch, the gradient at the rim of a slipping contact by less than half a pitch.
 const CONTRADICTION_PITCH: f64 = 0.6;
-/// Of the markers in view, this share may be missed in a frame that is trusted.
+/// Largest share of the markers in view that a trusted frame may miss.
 const MISSED_FRACTION: f64 = 0.02;
-/// How far, in the root mean square, markers may be from where their neighbours went in a frame that is trusted. Real
-/// contacts stay below 0.08, matches to noise are at 0.2 and more.
+/// Largest RMS distance of markers from the positions predicted by their neighbours in a trusted frame. Real contacts
+/// stay below 0.08; matches to noise reach 0.2 and more.
 const DISAGREEMENT_PITCH: f64 = 0.15;
-/// How near a spot must be to where the neighbours went.
+/// Largest distance of a spot from the position predicted by the neighbours.
 const RECOVERY_PITCH: f64 = 0.4;
-/// Rounds of asking: each reaches markers one neighbourhood further into a region where none is seen.
+/// Rounds of recovery: each reaches one neighbourhood further into a region without detected markers.
 const ROUNDS: usize = 4;
 
-/// Markers that were this near to their rest place hold where the gel hardly moves; from there a torn field is grown anew.
+/// Markers this near to their rest position are taken to be still; a torn field is regrown from them.
 const STILL_PITCH: f64 = 0.25;
-/// Rounds of growing: the contact of a fingertip is some ten pitches across.
+/// Rounds of growing: a fingertip contact is about ten pitches wide.
 const GROWING_ROUNDS: usize = 14;
-/// Tear over all markers above which a field may be a pitch off somewhere: 0.06 when a whole contact is, 0.01 to 0.03 in
-/// a contact under strong shear.
+/// Tear as a share of all markers above which a part of the field may be off by a pitch: 0.06 when a whole contact is,
+/// 0.01 to 0.03 in a contact under strong shear.
 const TORN_FRACTION: f64 = 0.03;
-/// A field grown anew is taken when it is torn this much less.
+/// A regrown field is accepted when its tear is below this share of the earlier one.
 const CLEARLY_LESS: f64 = 0.5;
 
 const NO_SPOT: u32 = u32::MAX;
@@ -61,19 +61,19 @@ pub(super) struct Matching {
     saved_match_of: Vec<u32>,
     saved_predicted: Vec<Vec2>,
     disagreement_pitch: f64,
-    /// The round from which on the place inferred for a marker without a spot counts for its neighbours; 0 for never.
+    /// The round from which the position inferred for a marker without a spot is used for its neighbours; 0: never.
     inferred_from_round: Vec<usize>,
     round: usize,
     neighbours: Vec<[u32; NEIGHBOURS]>,
     neighbours_count: Vec<usize>,
     around: Vec<Around>,
-    /// The matches that were asked about before any was undone, and where the neighbours of each then said it is.
+    /// The matches before any was undone, and the position predicted for each by its neighbours at that time.
     asked_match_of: Vec<u32>,
     said: Vec<Option<Vec2>>,
 }
 
 impl Matching {
-    /// `view`: which pixels the camera sees, where that is not all of them.
+    /// `view`: the pixels that the camera sees, if not all.
     pub(super) fn new(sensor: &Sensor, markers: &[Marker], view: Option<&Mask>) -> Self {
         let (size, pitch_px) = (sensor.rectified_px(), sensor.pitch_px);
         let mut neighbours = vec![[0; NEIGHBOURS]; markers.len()];
@@ -98,7 +98,7 @@ impl Matching {
             least_response: vec![0.0; markers.len()],
             predicted: vec![Vec2::ZERO; markers.len()],
             match_of: vec![NO_SPOT; markers.len()],
-            // Spots lie apart by 0.45 pitch: no more than nine of them within half a pitch of a place.
+            // Spots are at least 0.45 pitch apart: at most nine lie within half a pitch of a position.
             pairs: Vec::with_capacity(9 * markers.len()),
             undone: vec![false; markers.len()],
             saved_match_of: vec![NO_SPOT; markers.len()],
@@ -113,7 +113,7 @@ impl Matching {
         }
     }
 
-    /// Takes the spots of a frame; every marker is unmatched again.
+    /// Takes the spots of a frame and clears all matches.
     pub(super) fn take_spots(&mut self, spots: &[Spot]) {
         self.spots.take(spots);
         self.spot_taken.clear();
@@ -122,7 +122,7 @@ impl Matching {
         self.asked_match_of.fill(NO_SPOT);
     }
 
-    /// Every marker is unmatched again, every spot free.
+    /// Clears all matches and frees all spots.
     pub(super) fn clear(&mut self) {
         self.spot_taken.fill(false);
         self.match_of.fill(NO_SPOT);
@@ -130,22 +130,22 @@ impl Matching {
         self.round = 0;
     }
 
-    /// Where a matched marker is, and where its neighbours say.
+    /// Position of a matched marker, and the position predicted by its neighbours.
     pub(super) fn spot_and_place(&self, markers: &[Marker], marker: usize) -> Option<(Vec2, Vec2)> {
         Some((self.spot_of(marker)?.position, self.predicted_by_neighbours(markers, marker)?))
     }
 
-    /// The least contrast of a spot that may be marker `i`.
+    /// Sets the least contrast of a spot for each marker.
     pub(super) fn least_response(&mut self, least: impl Iterator<Item = f32>) {
         self.least_response.iter_mut().zip(least).for_each(|(l, v)| *l = v);
     }
 
-    /// Where each marker is looked for.
+    /// Sets where to look for each marker.
     pub(super) fn predict(&mut self, places: impl Iterator<Item = Vec2>) {
         self.predicted.iter_mut().zip(places).for_each(|(p, v)| *p = v);
     }
 
-    /// How badly places explain the spots: sum of squared distances to the nearest spot, cut at the reach.
+    /// How badly positions explain the spots: mean squared distance to the nearest spot, cut at the reach.
     pub(super) fn misfit(&self, places: impl Iterator<Item = Vec2>, reach_pitch: f64) -> f64 {
         let reach_px = reach_pitch * self.pitch_px;
         let (mut sum, mut count) = (0.0, 0u32);
@@ -158,18 +158,18 @@ impl Matching {
         sum / f64::from(count.max(1))
     }
 
-    /// Whether a marker there lies whole in the view.
+    /// Whether a marker at `p` is entirely in view.
     pub(super) fn in_view(&self, p: Vec2) -> bool {
         self.view.holds(p)
     }
 
-    /// Whether the field is torn so much that it may be a pitch off somewhere.
+    /// Whether a part of the field may be off by a pitch.
     pub(super) fn torn(&self, markers: &[Marker]) -> bool {
         self.tear(markers) > TORN_FRACTION * markers.len() as f64
     }
 
-    /// Whether the matches of this frame can be trusted: hardly a marker in view is missed, and each moved much as
-    /// its neighbours did. Noise, glare and swapped markers are not like that.
+    /// Whether the matches of this frame can be trusted: hardly any marker in view is missed, and each moved like its
+    /// neighbours. Noise, glare and swapped markers fail this test.
     pub(super) fn trustworthy(&self) -> bool {
         let (mut missed, mut count) = (0u32, 0u32);
         for i in (0..self.match_of.len()).filter(|&i| self.match_of[i] != NO_SPOT || self.in_view(self.predicted[i])) {
@@ -180,7 +180,7 @@ impl Matching {
         missed <= most_missed && self.disagreement_pitch <= DISAGREEMENT_PITCH
     }
 
-    /// Matches markers without a spot to free spots within reach of their predicted place, nearest pairs first.
+    /// Matches markers without a spot to free spots within reach of their predicted position, nearest pairs first.
     pub(super) fn assign(&mut self, reach_pitch: f64) {
         let reach_px = reach_pitch * self.pitch_px;
         let mut pairs = std::mem::take(&mut self.pairs);
@@ -210,7 +210,7 @@ impl Matching {
         self.pairs = pairs;
     }
 
-    /// Undoes matches that contradict the neighbours, then finds markers where their neighbours went.
+    /// Undoes matches that contradict their neighbours, then searches for markers where their neighbours moved.
     pub(super) fn settle_with_neighbours(&mut self, markers: &[Marker]) {
         self.round = 0;
         let (mut sum, mut count) = (0.0, 0u32);
@@ -233,9 +233,9 @@ impl Matching {
         self.ask_neighbours(markers, ROUNDS);
     }
 
-    /// A gel that snaps back moves by a pitch within a frame, and each marker then finds the spot of the next. The
-    /// field is torn where that region ends. Grows it anew from the markers that hardly moved before (`trusted`),
-    /// and keeps whichever is torn less.
+    /// A gel that snaps back moves by a pitch within one frame, and each marker is then matched to the spot of the
+    /// next. The field is torn at the boundary of that region. Regrows it from the markers that hardly moved before
+    /// (`trusted`), and keeps the result if its tear is clearly smaller.
     pub(super) fn repair_tear(&mut self, markers: &[Marker], trusted: impl Iterator<Item = Vec2>) {
         let torn = self.tear(markers);
         self.saved_match_of.copy_from_slice(&self.match_of);
@@ -246,7 +246,7 @@ impl Matching {
         self.spot_taken.fill(false);
         self.match_of.fill(NO_SPOT);
         for (i, m) in markers.iter().enumerate() {
-            // What may have moved is out of reach until a neighbour predicts where it went.
+            // A marker that may have moved has no predicted position until its neighbours provide one.
             let far = Vec2::new(f64::NAN, f64::NAN);
             self.predicted[i] = if self.undone[i] { far } else { m.rest };
         }
@@ -264,8 +264,8 @@ impl Matching {
         }
     }
 
-    /// How torn the field is: markers in view that are missed, and matches as far as they contradict their
-    /// neighbours, a whole contradiction counting as much as a miss.
+    /// How torn the field is: one for each missed marker in view, and up to one for each match, by how far it
+    /// contradicts its neighbours.
     fn tear(&self, markers: &[Marker]) -> f64 {
         let one = |i: usize| match self.spot_of(i) {
             None => f64::from(!self.predicted[i].is_finite() || self.in_view(self.predicted[i])),
@@ -280,7 +280,7 @@ impl Matching {
         (0..markers.len()).map(one).sum()
     }
 
-    /// Seeks markers without a spot where their neighbours went, further in at each round.
+    /// Searches for markers without a spot where their neighbours moved, further inwards in each round.
     fn ask_neighbours(&mut self, markers: &[Marker], rounds_count: usize) {
         self.inferred_from_round.fill(0);
         self.round = 0;
@@ -306,7 +306,7 @@ impl Matching {
         }
     }
 
-    /// Where a marker is: its spot, or where its neighbours put it in an earlier round.
+    /// Position of a marker: its spot, or the position inferred from its neighbours in an earlier round.
     fn known(&self, marker: usize) -> Option<Vec2> {
         let inferred = || (1..=self.round).contains(&self.inferred_from_round[marker]).then(|| self.predicted[marker]);
         self.spot_of(marker).map(|s| s.position).or_else(inferred)
@@ -322,8 +322,8 @@ impl Matching {
         self.predicted[marker]
     }
 
-    /// Where a marker is whose spot the border of the image cuts: along the border its own place, across it where
-    /// its neighbours went. None without spot or neighbours.
+    /// Position of a marker whose spot is cut by the border of the view: along the border from its spot, across it from
+    /// its neighbours. None without spot or neighbours.
     pub(super) fn cut(&self, markers: &[Marker], marker: usize) -> Option<Vec2> {
         let own = self.spot_of(marker)?.position;
         let predicted = self.predicted_by_neighbours(markers, marker)?;
@@ -333,13 +333,13 @@ impl Matching {
         Some(Vec2::new(x, y))
     }
 
-    /// The neighbours of a marker and itself.
+    /// The neighbours of a marker, then the marker itself.
     pub(super) fn with_neighbours(&self, i: usize) -> impl Iterator<Item = usize> + '_ {
         self.neighbours[i][..self.neighbours_count[i]].iter().map(|&n| n as usize).chain([i])
     }
 
-    /// How far the neighbours' spots are from where these markers were in the last frame: the median along each axis, the
-    /// marker itself among them. None with fewer than three.
+    /// Median step of the neighbours and the marker itself since the last frame, per axis, from their spots. None with
+    /// fewer than three spots.
     pub(super) fn step_of_neighbours(&self, before: &[Vec2], i: usize) -> Option<Vec2> {
         let (mut steps, mut count) = ([Vec2::ZERO; NEIGHBOURS + 1], 0);
         for n in self.with_neighbours(i) {
@@ -351,8 +351,8 @@ impl Matching {
         (count >= 3).then(|| Vec2::new(middle_of(steps, |step| step.x), middle_of(steps, |step| step.y)))
     }
 
-    /// How the gel around marker `i` was stretched and turned when its markers were at `places`: the displacement per length from
-    /// there along x and along y, least squares over the neighbours.
+    /// Stretch and rotation of the gel around marker `i` with the markers at `places`: displacement per current length
+    /// along x and along y, by least squares over the neighbours.
     pub(super) fn stretch(&self, markers: &[Marker], places: &[Vec2], i: usize) -> [Vec2; 2] {
         let (here, place) = (markers[i].rest, places[i]);
         let neighbours = self.neighbours[i][..self.neighbours_count[i]].iter();
@@ -365,7 +365,8 @@ impl Matching {
         )
     }
 
-    /// [`Matching::predicted_by_neighbours`] of a marker with a spot, as it was said before matches were undone where that still holds.
+    /// [`Matching::predicted_by_neighbours`] of a marker with a spot; reuses the value from before matches were undone
+    /// where that is still valid.
     fn said_by_neighbours(&self, markers: &[Marker], i: usize) -> Option<Vec2> {
         let stands = |&n: &u32| {
             let n = n as usize;
@@ -379,11 +380,11 @@ impl Matching {
         self.predicted_by_neighbours(markers, i)
     }
 
-    /// Rest position plus the displacement of the neighbours whose place is known, carried over by a plane fitted to it; None
-    /// with fewer than three of them.
+    /// Rest position plus the displacement there of a plane fitted to the neighbours with a known position; None with
+    /// fewer than three of them.
     fn predicted_by_neighbours(&self, markers: &[Marker], i: usize) -> Option<Vec2> {
         let here = markers[i].rest;
-        // Which are known, and how far they are displaced.
+        // Known neighbours and their displacements.
         let (mut known, mut displaced) = ([0; NEIGHBOURS], [Vec2::ZERO; NEIGHBOURS]);
         let (mut count, mut shift) = (0, Vec2::ZERO);
         for &n in &self.neighbours[i][..self.neighbours_count[i]] {

@@ -1,19 +1,19 @@
-//! The median of up to nine numbers, without a branch.
+//! The median of up to nine numbers, without branches.
 
 use crate::plane::Vec2;
 
-/// How many the network takes.
+/// Inputs of the sorting network.
 const MOST: usize = 9;
 
-/// The value with half of them below it, the upper of two; of at most nine.
+/// The median of at most nine values; the upper one of two middle values.
 #[rustfmt::skip]
 pub(super) fn middle_of(steps: &[Vec2], part: impl Fn(&Vec2) -> f64) -> f64 {
-    // As many below all and above all as keep it in the middle of nine.
+    // Padded with minima and maxima so that the median stays in the middle of nine.
     let below = 4 - steps.len() / 2;
     let mut nine = [i64::MAX; MOST];
     nine[..below].fill(i64::MIN);
     nine[below..].iter_mut().zip(steps).for_each(|(out, step)| *out = ordered(part(step)));
-    // Paeth's network: the last exchange leaves the middle in place 4.
+    // Paeth's network: the last exchange leaves the median at index 4.
     let n = &mut nine;
     order::<1, 2>(n); order::<4, 5>(n); order::<7, 8>(n); order::<0, 1>(n); order::<3, 4>(n); order::<6, 7>(n);
     order::<1, 2>(n); order::<4, 5>(n); order::<7, 8>(n); order::<0, 3>(n); order::<5, 8>(n); order::<4, 7>(n);
@@ -22,14 +22,14 @@ pub(super) fn middle_of(steps: &[Vec2], part: impl Fn(&Vec2) -> f64) -> f64 {
     f64::from_bits(ordered_bits(nine[4]) as u64)
 }
 
-/// Exchanges the values at two places where the first is the greater.
+/// Swaps two elements if the first is greater.
 #[inline(always)]
 fn order<const FIRST: usize, const SECOND: usize>(nine: &mut [i64; MOST]) {
     let (a, b) = (nine[FIRST], nine[SECOND]);
     (nine[FIRST], nine[SECOND]) = (a.min(b), a.max(b));
 }
 
-/// A whole number in the order of [`f64::total_cmp`], and back.
+/// An integer in the order of [`f64::total_cmp`], and back.
 fn ordered(v: f64) -> i64 {
     ordered_bits(v.to_bits() as i64)
 }

@@ -1,14 +1,14 @@
-//! A plane through the displacements of a few neighbours, by least squares: how the gel around a marker is stretched and turned.
+//! Least-squares plane through the displacements of a few neighbours: local stretch and rotation of the gel.
 
 use crate::plane::Vec2;
 
 /// Neighbours of a marker.
 pub(super) const NEIGHBOURS: usize = 8;
 
-/// The neighbours of a marker at rest, as the plane through their displacements needs them when all are known.
+/// The neighbours of a marker at rest, precomputed for the plane fit when all are known.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Around {
-    /// From the marker to the middle of its neighbours, and from there to each.
+    /// From the marker to the mean of its neighbours; `arms`: from there to each.
     pub middle: Vec2,
     arms: [Vec2; NEIGHBOURS],
     spread: Spread,
@@ -25,13 +25,13 @@ impl Around {
         Around { middle, arms, spread }
     }
 
-    /// Slopes along x and along y of the displacements of all neighbours over their mean.
+    /// Slopes along x and along y of the displacements of all neighbours relative to their mean.
     pub fn slopes(&self, displaced: [Vec2; NEIGHBOURS]) -> [Vec2; 2] {
         self.spread.slopes(self.arms.iter().copied().zip(displaced))
     }
 }
 
-/// How far arms reach along x and along y: their sums of products, held up where there are hardly any.
+/// Sums of products of the arms, with a ridge for arms that do not determine a slope.
 #[derive(Debug, Clone, Copy)]
 struct Spread {
     xx: f64,
@@ -51,7 +51,7 @@ impl Spread {
         self.yy += arm.y * arm.y;
     }
 
-    /// Slopes along x and along y of displacements at these arms, by least squares, held down where the arms do not determine them.
+    /// Least-squares slopes along x and along y of displacements at these arms, damped where arms do not fix them.
     fn slopes(&self, points: impl Iterator<Item = (Vec2, Vec2)>) -> [Vec2; 2] {
         let Spread { xx, xy, yy } = *self;
         let (mut by_x, mut by_y) = (Vec2::ZERO, Vec2::ZERO);
@@ -64,7 +64,7 @@ impl Spread {
     }
 }
 
-/// Slopes along x and along y of displacements at these arms, by least squares, held down where the arms do not determine them.
+/// Least-squares slopes along x and along y of displacements at these arms, damped where arms do not fix them.
 pub(super) fn slopes(points: impl Iterator<Item = (Vec2, Vec2)> + Clone, pitch_px: f64) -> [Vec2; 2] {
     let mut spread = Spread::new(pitch_px);
     points.clone().for_each(|(arm, _)| spread.add(arm));

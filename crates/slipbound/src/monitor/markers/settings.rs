@@ -3,7 +3,7 @@
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
-/// How markers are found in a picture.
+/// How markers are found in an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Finder {
@@ -26,15 +26,16 @@ pub struct MarkerSettings {
     pub birth_contrast_fraction: f64,
     /// A known marker is recognised down to this share of its own contrast at rest.
     pub keep_contrast_fraction: f64,
-    /// Whether a marker's next place is predicted from its last motion. The released code looks where it last was.
+    /// Whether a marker's next position is predicted from its last motion. The released code looks where it last was.
     pub predict: bool,
-    /// A spot this near to the predicted place is the marker. The released code: 7 px at a pitch of 15.2 px.
+    /// A spot this near to the predicted position is the marker. The released code: 7 px at a pitch of 15.2 px.
     pub match_within_pitch: f64,
-    /// Whether markers not found that way are sought where their neighbours went, and whether a match that
-    /// contradicts all neighbours is undone.
+    /// Whether markers not found that way are searched for where their neighbours moved, and whether a match that
+    /// contradicts its neighbours is undone.
     pub ask_neighbours: bool,
-    /// While something touches, spots are sought in the whole picture once in so many ms at most, ms, and once in twice that while no marker is
-    /// missing; between, each is followed from where its own motion takes it. Zero: in every frame.
+    /// Minimum time between two spot searches of the whole image while something touches, ms; twice that while no
+    /// marker is missing. In between, each marker is followed from the position predicted by its own motion. Zero: a
+    /// search in every frame.
     pub search_period_ms: f64,
 }
 
@@ -54,7 +55,7 @@ impl Default for MarkerSettings {
 }
 
 impl MarkerSettings {
-    /// Whether markers are sought on the flat picture ([`Finder::Threshold`]) instead of the grey one.
+    /// Whether markers are detected on the flat image ([`Finder::Threshold`]) instead of the grey one.
     pub(in crate::monitor) fn finder_needs_flat(&self) -> bool {
         self.finder == Finder::Threshold
     }

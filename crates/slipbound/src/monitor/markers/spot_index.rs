@@ -1,4 +1,4 @@
-//! The spots of a frame, sorted into square buckets so that those near a place are found at once.
+//! The spots of a frame, sorted into square buckets for fast lookup near a position.
 
 use crate::image::SizePx;
 use crate::pixels::dots::Spot;
@@ -33,12 +33,12 @@ impl SpotIndex {
         size.area() / 4 + size.width + size.height
     }
 
-    /// Takes the spots of a frame in place of those before.
+    /// Replaces the spots by those of a new frame.
     pub(super) fn take(&mut self, spots: &[Spot]) {
         self.spots.clear();
         self.spots.extend_from_slice(spots);
-        // A counting sort: each entry first counts its bucket, then says where it ends, and, once the spots have been
-        // put in from behind, where it begins.
+        // A counting sort: an entry first holds the count of its bucket, then its end and, after the spots are inserted
+        // from the back, its start.
         self.bucket_start.fill(0);
         for spot in &self.spots {
             let bucket = self.bucket(spot.position);
@@ -64,8 +64,8 @@ impl SpotIndex {
         &self.spots
     }
 
-    /// Calls back with the number and the squared distance in px of every spot in the nine buckets around a place: all
-    /// within one bucket's side, and some beyond.
+    /// Calls `see` with the index and the squared distance in px of every spot in the nine buckets around a position:
+    /// all within the side of a bucket, and some beyond.
     pub(super) fn near(&self, place: Vec2, mut see: impl FnMut(u32, f64)) {
         if !place.is_finite() {
             return;
@@ -73,7 +73,7 @@ impl SpotIndex {
         let (column, row) = self.cell(place);
         let (first, end) = (column.saturating_sub(1), (column + 2).min(self.buckets.width));
         for row in row.saturating_sub(1)..(row + 2).min(self.buckets.height) {
-            // Buckets side by side follow one another.
+            // The buckets of a row are contiguous.
             let start = &self.bucket_start[row * self.buckets.width..];
             for &(spot, position) in &self.bucket_spots[start[first] as usize..start[end] as usize] {
                 see(spot, (position - place).length_squared());
@@ -86,7 +86,7 @@ impl SpotIndex {
         row * self.buckets.width + column
     }
 
-    /// Column and row of the bucket of a place, those of the nearest bucket beyond the image.
+    /// Column and row of the bucket at a position; those of the nearest bucket beyond the image.
     fn cell(&self, p: Vec2) -> (usize, usize) {
         let index = |v: f64, end: usize| ((v / self.bucket_px).max(0.0) as usize).min(end - 1);
         (index(p.x, self.buckets.width), index(p.y, self.buckets.height))

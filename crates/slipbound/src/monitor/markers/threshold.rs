@@ -7,9 +7,10 @@ use crate::pixels::morphology::{Element, Morphology};
 use crate::pixels::threshold::{below_level, below_levels};
 use crate::plane::Vec2;
 
-/// Where the rest image, closed, is below the first level, a marker is what is below the second (released code).
+/// Where the rest image is below the first level (after closing), pixels below the second belong to a marker (released
+/// code).
 const LOCAL_LEVELS: [(u8, u8); 3] = [(70, 80), (40, 50), (10, 20)];
-/// Elsewhere a marker is what is below this.
+/// Elsewhere, pixels below this level belong to a marker.
 const LEVEL: u8 = 90;
 
 #[derive(Debug, Clone)]
@@ -26,7 +27,7 @@ pub(super) struct ThresholdFinder {
     spots: Vec<Spot>,
 }
 
-/// Pitch of the finger of the released code, px, and the side of its largest element, px.
+/// Pitch in the released code, px, and the side of its largest structuring element, px.
 const PAPER_PITCH_PX: f64 = 15.2;
 const AROUND_PX: f64 = 45.0;
 /// That side in pitches.
@@ -34,7 +35,7 @@ pub(in crate::monitor) const THRESHOLD_REACH_PITCH: f64 = AROUND_PX / PAPER_PITC
 
 impl ThresholdFinder {
     pub(super) fn new(size: SizePx, pitch_px: f64) -> Self {
-        // Sides in px of the released code.
+        // Sides are in px of the released code.
         let side = |px: f64| (px / PAPER_PITCH_PX * pitch_px).round().max(1.0) as usize;
         ThresholdFinder {
             levels: vec![LEVEL; size.area()],
@@ -50,7 +51,7 @@ impl ThresholdFinder {
         }
     }
 
-    /// Makes the local thresholds.
+    /// Sets the local thresholds.
     pub(super) fn learn(&mut self, flat_at_rest: &[u8]) {
         let width = self.mask.size().width;
         self.levels.fill(LEVEL);
@@ -65,7 +66,7 @@ impl ThresholdFinder {
         }
     }
 
-    /// The blobs of a frame. Their contrast is not measured: all have the same.
+    /// The blobs of a frame. Their contrast is not measured: it is the same for all.
     pub(super) fn run(&mut self, flat: &[u8]) -> &[Spot] {
         below_levels(flat, &self.levels, &mut self.mask);
         self.morphology.close(&self.mask, &self.join, &mut self.work);

@@ -7,15 +7,16 @@ use std::ops::Range;
 /// Fewer stationary frames in a row than this may be the turning point of a motion.
 const STATIONARY_FRAMES_COUNT: usize = 3;
 
-/// What one candidate frame looks like.
+/// Features of one candidate frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RestLook {
     /// Mean grey level; None when the frame cannot be judged at all.
     pub mean_levels: Option<f64>,
-    /// 99th percentile of the change of a cell since the frame before, in levels; infinite for the first.
+    /// 99th percentile of the change of a cell since the previous frame, in levels; infinite for the first.
     pub change_levels: f64,
-    /// How sharp the picture is between the markers: an imprint is, illumination is not. Smooth gel: grey levels
-    /// (compare [`imprint_levels`](crate::monitor::RestSettings::imprint_levels)); fabric: the share of the image that looks like pressed weave.
+    /// Sharpness of the image between the markers: high for an imprint, low for illumination alone. Smooth gel: grey
+    /// levels (compare [`imprint_levels`](crate::monitor::RestSettings::imprint_levels)); fabric: the share of the
+    /// image that looks like pressed weave.
     pub sharpness: f64,
     /// Whether the frame shows an imprint.
     pub touched: bool,
@@ -24,14 +25,14 @@ pub struct RestLook {
 /// Which frames make the rest frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RestChoice {
-    /// Places in the list of looks.
+    /// Indices into the list of looks.
     pub frames: Range<usize>,
-    /// What the finger is doing in them.
+    /// Whether the finger is in contact in them.
     pub kind: RestKind,
 }
 
-/// The run to average; [`RestBuilder::choose`](crate::monitor::RestBuilder::choose) says by what rules. `pictures`: what the
-/// looks saw, in the same order; runs without one are taken to show the same.
+/// The run to average, by the rules of [`RestBuilder::choose`](crate::monitor::RestBuilder::choose). `pictures`: the
+/// cells of the same frames, in the same order; runs without them are taken to show the same.
 pub(super) fn choose(
     looks: &[RestLook],
     pictures: &[Picture],
@@ -47,13 +48,13 @@ pub(super) fn choose(
     Ok(choice)
 }
 
-/// The runs that are more than a moment, or all where none is.
+/// The runs of [`STATIONARY_FRAMES_COUNT`] frames or more, or all if there is none.
 fn long_runs(runs: &[RestChoice]) -> Vec<&RestChoice> {
     let long: Vec<&RestChoice> = runs.iter().filter(|r| r.frames.len() >= STATIONARY_FRAMES_COUNT).collect();
     if long.is_empty() { runs.iter().collect() } else { long }
 }
 
-/// The best of the runs, of which there is at least one.
+/// The best of the runs, which are at least one.
 fn best_run(
     runs: &[RestChoice],
     looks: &[RestLook],
@@ -82,7 +83,7 @@ fn best_run(
     choice
 }
 
-/// Stationary runs of frames of the usual brightness, in their order; at least one.
+/// Stationary runs of frames of the usual brightness, in order; at least one.
 fn runs(looks: &[RestLook], settings: &RestSettings) -> Result<Vec<RestChoice>, RestError> {
     let mut brightness: Vec<f64> = looks.iter().filter_map(|l| l.mean_levels).collect();
     let unusable_count = looks.len() - brightness.len();
@@ -105,16 +106,15 @@ fn runs(looks: &[RestLook], settings: &RestSettings) -> Result<Vec<RestChoice>, 
     Ok(runs)
 }
 
-/// Whether something was there in one run and not in the other: a share of the cells as large as a contact has
-/// changed as much as a contact changes them.
+/// Whether only one of two runs shows a contact: as many cells as in a contact differ by as much as in a contact.
 fn differ(a: &RestChoice, b: &RestChoice, pictures: &[Picture], contact: &ContactSettings) -> bool {
-    // The middle frame stands for a stationary run.
+    // The middle frame represents a stationary run.
     let middle = |r: &RestChoice| pictures.get((r.frames.start + r.frames.end) / 2);
     let (Some(a), Some(b)) = (middle(a), middle(b)) else { return false };
     a.changed_share(b, contact.change_levels as f32) > contact.on_area_fraction
 }
 
-/// The cells of a frame that was looked at; empty when it could not be judged.
+/// The cells of an examined frame; empty when it could not be judged.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Picture {
     pub(super) cells: Vec<[f32; 3]>,
@@ -174,7 +174,8 @@ mod tests {
         assert_eq!(choose(&looks, &[]), Ok(RestChoice { frames: 0..6, kind: RestKind::InContact }));
     }
 
-    /// Looks of a row of frames: `u` untouched, `t` touched; capital where the picture has changed since the frame before.
+    /// Looks of a sequence of frames: `u` untouched, `t` touched; capital where the image has changed since the
+    /// previous frame.
     fn row(shown: &str) -> Vec<RestLook> {
         let of = |c: char| look(90.0, if c.is_uppercase() { 30.0 } else { 0.5 }, c.eq_ignore_ascii_case(&'t'));
         shown.chars().map(of).collect()
@@ -196,8 +197,8 @@ mod tests {
         }
     }
 
-    /// A light touch is too weak to be detected by itself. When it goes, the picture changes and gets smoother: it was one.
-    /// When it comes, the picture changes and gets sharper: before, there was none.
+    /// A light touch is too weak to be detected by itself. If the image changes and gets smoother, the first run was
+    /// touched. If it changes and gets sharper, the first run was untouched.
     #[test]
     fn a_light_touch_is_detected_by_what_changes() {
         const CELLS_COUNT: usize = 4800;

@@ -1,30 +1,30 @@
-//! The lattice of the markers at rest: how far apart they stand, and which of the spots found are none of its nodes.
+//! The lattice of the markers at rest: their spacing, and which of the spots found are not on its nodes.
 //!
 //! ```text
-//!   o   o   o   o       markers stand at whole pitches along both axes of the rectified image; glare, dirt and
-//!   o   o * o   o       scratches (*) do not. The lattice is taken from the spots around each one, so a pitch that is
-//!   o   o   o   o       a little off or a lens that is not quite corrected moves it along.
+//!   o   o   o   o       markers are at whole pitches along both axes of the rectified image; glare, dirt and
+//!   o   o * o   o       scratches (*) are not. The lattice is estimated from the spots around each one, so it
+//!   o   o   o   o       follows a small error of the pitch or of the lens correction.
 //! ```
 
 use crate::plane::Vec2;
 
-/// The right finger's markers were found 0.97 to 1.03 of its pitch apart (all recordings we have), another finger's
-/// 0.47 to 0.79 or 1.29 to 1.41.
+/// Spacing over pitch was 0.97 to 1.03 for the right finger (all our recordings), and 0.47 to 0.79 or 1.29 to 1.41 for
+/// another finger.
 const PITCH_TRUSTED_RATIO: std::ops::RangeInclusive<f64> = 0.85..=1.18;
-/// Spots within this distance vote on where the lattice is, in pitches: some 28 nodes.
+/// Spots within this distance vote on the position of the lattice, in pitches: about 28 nodes.
 const VOTERS_PITCH: f64 = 3.0;
 /// Fewest of them.
 const FEWEST_VOTERS: u32 = 4;
-/// How much they agree, from 0 (anywhere) to 1 (all on nodes), from which on there is a lattice.
+/// Least agreement, from 0 (anywhere) to 1 (all on nodes), for a lattice.
 const LEAST_AGREEMENT: f64 = 0.6;
-/// A spot this far off may be a marker while the lattice is still guessed, in pitches.
+/// Largest offset of a marker while the lattice is only a first estimate, in pitches.
 const FIRST_LIMIT_PITCH: f64 = 0.3;
-/// Off the lattice is a spot further from its node than this many standard deviations of the spots on it,
+/// A spot is off the lattice when it is further from its node than this many standard deviations of the spots on it,
 const LIMIT_SIGMAS: f64 = 4.5;
-/// and further than this in pitches; but nothing nearer than the first, everything beyond the second.
+/// with that limit clamped to this range, in pitches.
 const LIMITS_PITCH: (f64, f64) = (0.16, 0.35);
-/// Share of the spots that must be on a lattice; with fewer the dots are taken to have none (painted by hand, or random),
-/// and all of them are markers. Glare on a real finger made 18 % of the spots.
+/// Least share of the spots on a lattice; with fewer, the dots have none (painted by hand, or random), and all of them
+/// are markers. On a real finger, 18 % of the spots were glare.
 const REGULAR_FRACTION: f64 = 0.65;
 
 /// Median distance of a point to its nearest neighbour, px; None for fewer than two.
@@ -38,12 +38,12 @@ pub(super) fn spacing_px(points: &[Vec2]) -> Option<f64> {
     apart.get(apart.len() / 2).copied()
 }
 
-/// Whether points so far apart can be the markers of a finger of this pitch.
+/// Whether points with this spacing can be the markers of a finger of this pitch.
 pub(super) fn fits(spacing_px: f64, pitch_px: f64) -> bool {
     PITCH_TRUSTED_RATIO.contains(&(spacing_px / pitch_px))
 }
 
-/// Which points are nodes of a lattice along the axes of the image; None when they have none.
+/// Which points are nodes of a lattice along the axes of the image; None without a lattice.
 pub(super) fn on_lattice(points: &[Vec2], pitch_px: f64) -> Option<Vec<bool>> {
     let all = vec![true; points.len()];
     let first = offsets_pitch(points, &all, pitch_px);
@@ -55,15 +55,15 @@ pub(super) fn on_lattice(points: &[Vec2], pitch_px: f64) -> Option<Vec<bool>> {
         return None;
     }
     regular.sort_unstable_by(f64::total_cmp);
-    // The standard deviation along an axis of a normal distribution in two dimensions with this median length.
+    // The standard deviation per axis of a two-dimensional normal distribution with this median length.
     let sigma_pitch = regular.get(regular.len() / 2)? / 1.177;
     let limit_pitch = (LIMIT_SIGMAS * sigma_pitch).clamp(LIMITS_PITCH.0, LIMITS_PITCH.1);
     let third = offsets_pitch(points, &voters, pitch_px);
     Some(third.iter().map(|off| off.is_some_and(|v| v <= limit_pitch)).collect())
 }
 
-/// How far each point is from the nearest node of the lattice of the voters around it, itself left out; None where they
-/// agree on none.
+/// Distance of each point from the nearest node of the lattice of the voters around it, itself excluded; None where
+/// they do not agree.
 fn offsets_pitch(points: &[Vec2], votes: &[bool], pitch_px: f64) -> Vec<Option<f64>> {
     let phase = |v: f64| {
         let angle_rad = std::f64::consts::TAU * v / pitch_px;
@@ -76,7 +76,7 @@ fn offsets_pitch(points: &[Vec2], votes: &[bool], pitch_px: f64) -> Vec<Option<f
         for (j, other) in points.iter().enumerate() {
             let away_px = (*other - points[i]).length();
             if j != i && votes[j] && away_px < reach_px {
-                // Near ones say more: over a few pitches a pitch that is a little off adds up.
+                // Near voters weigh more: a small error of the pitch adds up over a few pitches.
                 let weight = 1.0 / (1.0 + (away_px / pitch_px) * (away_px / pitch_px));
                 sums.iter_mut().zip(phases[j]).for_each(|(sum, phase)| *sum += phase * weight);
                 weights += weight;
@@ -133,7 +133,8 @@ mod tests {
         assert_eq!(on_lattice(&turned, 20.0), None, "turned against the image");
     }
 
-    /// Four neighbours agree, two markers two pitches off stand 0.2 pitch beside their nodes: each has a weight of 1 / (1 + d^2) at d pitches.
+    /// Four neighbours agree; two markers two pitches away are 0.2 pitch beside their nodes. The weight is 1 / (1 +
+    /// d^2) at d pitches.
     #[test]
     fn near_markers_say_more_of_the_lattice_than_far_ones() {
         let near = [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)];
@@ -149,8 +150,8 @@ mod tests {
         assert!((off - expected).abs() < 1e-9 && expected > 0.014, "{off} for {expected}");
     }
 
-    /// Two of three stand 0.06 pitch to one side or to the other in turn, some 0.065 pitch from the mean of those around them: a standard
-    /// deviation of 0.055 pitch.
+    /// Two of three markers are 0.06 pitch to alternating sides, about 0.065 pitch from the mean of those around them:
+    /// a standard deviation of 0.055 pitch.
     #[test]
     fn four_and_a_half_standard_deviations_of_the_others_are_off_the_lattice() {
         for (off_pitch, expected) in [(0.22, true), (0.27, false)] {

@@ -1,10 +1,11 @@
-//! What the fit of a template reads of a picture: a rectangle of samples between pixels, and its sums: whole numbers, the same in any order.
+//! Samples for the fit of a template: a rectangle of samples between pixels, and its sums: integers, the same in any
+//! order.
 
 use crate::pixels::wide::wide;
 
-/// Pixels that are sampled side by side; windows are so many wide, or a multiple.
+/// Number of pixels that are sampled in parallel; window widths are multiples of it.
 pub(super) const LANES: usize = 16;
-/// Pixels that are weighed side by side: what is weighed is so many long, or a multiple, zeros at its end.
+/// Number of pixels that are weighted in parallel: lists have a multiple of this length, zeros at the end.
 pub(super) const WEIGHED_LANES: usize = 64;
 /// Sampled value of the middle of the range, in sixteenths of levels.
 const MIDDLE_STEPS: i16 = 2048;
@@ -20,7 +21,7 @@ wide! {
                 let Some(lower) = between_columns(row, fx) else { return };
                 let Some(out) = out.first_chunk_mut::<LANES>() else { return };
                 for i in 0..LANES {
-                    // Sixteenths of sixteenths would not fit: halves of levels are kept for the last step.
+                    // Sixteenths of sixteenths would overflow: the last step uses halves of levels.
                     out[i] = upper[i] + ((((lower[i] - upper[i]) >> 1) * fy) >> 3) - MIDDLE_STEPS;
                 }
                 upper = lower;
@@ -43,7 +44,7 @@ wide! {
         sums
     }
 
-    /// Sum of squares, each with its share in 256ths.
+    /// Sum of squares, each with its weight in 256ths.
     pub(super) fn energy(samples: &[i16], share: &[i16]) -> i64 {
         let mut sum = 0i64;
         for (a, s) in samples.chunks(4 * WEIGHED_LANES).zip(share.chunks(4 * WEIGHED_LANES)) {
@@ -70,12 +71,12 @@ fn between_columns(row: &[u8], fx: i16) -> Option<[i16; LANES]> {
     Some(out)
 }
 
-/// Where lanes begin in a row of samples: the last ones may lie over those before them.
+/// Start columns of the lanes in a row of samples: the last lanes may overlap those before them.
 fn columns(width: usize) -> impl Iterator<Item = usize> {
     (0..width.div_ceil(LANES)).map(move |k| (k * LANES).min(width - LANES))
 }
 
-/// A rectangle of samples between pixels, so many sixteenths off along x and y; less the middle of the range.
+/// A rectangle of samples between pixels, offset by these sixteenths along x and y; minus the middle of the range.
 pub(super) fn bilinear(grey: &[u8], stride: usize, width: usize, shift: [i16; 2], out: &mut [i16]) {
     #[cfg(target_arch = "x86_64")]
     if crate::pixels::wide::vectors() >= crate::pixels::wide::Vectors::Avx2 {
@@ -97,19 +98,20 @@ pub(super) fn products<const LISTS: usize>(samples: &[i16], weights: &[[[i8; LAN
     products_plain(samples, weights)
 }
 
-/// Each sample is loaded once for all lists, and their sums stay in registers: a third of the time of what a compiler makes of the twin.
+/// Each sample is loaded once for all lists, and their sums stay in registers: a third of the time of the compiled
+/// twin.
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     use super::{LANES, MIDDLE_STEPS, columns};
     use crate::pixels::lanes::{bytes, put, signed_bytes, sum, words};
     use std::arch::x86_64::*;
 
-    /// Products that are added in 32 bits: two of a sample and a weight a round, each at most 2048 x 128.
+    /// Rounds whose products are added in 32 bits: two of a sample and a weight per round, each at most 2048 x 128.
     const ROUNDS: usize = 1024;
 
     #[target_feature(enable = "avx2")]
     pub(super) fn bilinear(grey: &[u8], stride: usize, width: usize, [fx, fy]: [i16; 2], out: &mut [i16]) {
-        // Of the pixel on the left and the one on the right, in turns.
+        // Weights of the left and the right pixel, alternating.
         let along = _mm256_set1_epi16(fx << 8 | (16 - fx));
         let across = _mm256_set1_epi16(fy);
         let middle = _mm256_set1_epi16(MIDDLE_STEPS);
@@ -161,7 +163,7 @@ mod tests {
     #[test]
     fn wide_products_are_those_of_the_plain_twin() {
         use crate::pixels::wide::{Vectors, with_vectors};
-        // The largest there are, so many that 32 bits would not hold their sum.
+        // The largest possible products, so many that their sum would overflow 32 bits.
         for (sample, weight) in [(-2048, 127), (2032, -127), (-2048, -127)] {
             let (samples, weights) =
                 (vec![sample; 8192 * LANES], vec![[weight, 1, weight / 2].map(|w: i8| [w; LANES]); 8192]);

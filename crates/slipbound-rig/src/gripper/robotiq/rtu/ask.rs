@@ -1,4 +1,4 @@
-//! What a master asks a 2F-85: the functions 3, 4, 6, 16 and 23 of its manual, and others by their number.
+//! Requests of a master to a 2F-85: the functions 3, 4, 6, 16 and 23 of its manual, and others by their number.
 //!
 //! ```text
 //!   3, 4  read          09 04 07D0 0003 crc
@@ -18,32 +18,32 @@ pub struct Registers {
     pub count: u16,
 }
 
-/// What a gripper is asked.
+/// A request to a gripper.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ask {
     /// Read.
     Read {
         /// 3 or 4.
         function: u8,
-        /// Which.
+        /// Which registers.
         registers: Registers,
     },
     /// Write.
     Write {
         /// 6 or 16.
         function: u8,
-        /// Which.
+        /// Which registers.
         registers: Registers,
         /// Their bytes, of the first three; what is beyond them is 0.
         bytes: [u8; 6],
     },
     /// Write, then read, by function 23.
     WriteRead {
-        /// Which are written.
+        /// The registers written.
         written: Registers,
         /// Their bytes, of the first three; what is beyond them is 0.
         bytes: [u8; 6],
-        /// Which are read.
+        /// The registers read.
         read: Registers,
     },
     /// A function that it has, in a message that is too long or too short for it.
@@ -65,9 +65,9 @@ fn six(bytes: &[u8]) -> [u8; 6] {
     std::array::from_fn(|i| bytes.get(i).copied().unwrap_or(0))
 }
 
-/// What a whole message without its checksum asks.
+/// Parses a complete message without its checksum.
 fn read(body: &[u8]) -> Ask {
-    // The values of a write follow their number of bytes, which stands after the number of registers.
+    // The values of a write follow their number of bytes, which follows the number of registers.
     let has_values = |at: usize| {
         let is_sum = |bytes: &u8| u16::from(*bytes) == 2 * (word(body, at - 2) & 0xFF) && body[at - 2] == 0;
         body.get(at).is_some_and(|bytes| is_sum(bytes) && body.len() == at + 1 + usize::from(*bytes))
@@ -89,7 +89,7 @@ fn read(body: &[u8]) -> Ask {
     }
 }
 
-/// What stands at the start of a master's bytes. A message whose length cannot be told is short until it is ended.
+/// The message at the start of a master's bytes. A message of unknown length is short until it is ended.
 pub(super) fn ask(bytes: &[u8]) -> Look<Ask> {
     let length = match bytes {
         [SLAVE, READ | READ_HOLDING | WRITE_ONE, ..] => 8,
@@ -102,7 +102,7 @@ pub(super) fn ask(bytes: &[u8]) -> Look<Ask> {
     sound(bytes, length, |body| Some(read(body)))
 }
 
-/// What a master's bytes are that a silence has ended.
+/// The message in a master's bytes that a silence has ended.
 pub(super) fn ended(bytes: &[u8]) -> Option<Ask> {
     let is_ours = matches!(bytes, [SLAVE, 0..REFUSED, _, _, ..]);
     checked(bytes).filter(|_| is_ours).map(read)
@@ -118,7 +118,7 @@ mod tests {
         hex.split(' ').map(|byte| u8::from_str_radix(byte, 16).expect("a byte")).collect()
     }
 
-    /// What is found in these bytes, before and after the silence that ends them.
+    /// The messages found in these bytes, before and after the silence that ends them.
     fn asks(bytes: &[u8]) -> (Vec<Ask>, Vec<Ask>) {
         let (mut parser, mut found, mut ended) = (Parser::default(), Vec::new(), Vec::new());
         parser.feed_asks(bytes, |ask| found.push(ask));

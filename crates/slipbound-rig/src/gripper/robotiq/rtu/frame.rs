@@ -14,13 +14,13 @@ pub(super) const WRITE_ONE: u8 = 6;
 pub(super) const READ_WRITE: u8 = 23;
 pub(super) const REFUSED: u8 = 0x80;
 
-/// What stands at the start of the bytes held.
+/// What the buffered bytes begin with.
 pub(super) enum Look<T> {
     /// A message, and its length.
     Whole(T, usize),
     /// No message.
     None,
-    /// A message may, once there is more of it.
+    /// Perhaps a message; more bytes are needed.
     Short,
 }
 

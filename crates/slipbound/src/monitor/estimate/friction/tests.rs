@@ -1,4 +1,4 @@
-//! Friction by hand-made frames: what is told, remembered and forgotten.
+//! Friction from hand-made frames: what is estimated, kept and discarded.
 
 use super::*;
 
@@ -6,7 +6,7 @@ fn used(value: f64) -> Estimate {
     Estimate { value, sd: 0.1, age_frames: 0 }
 }
 
-/// A frame of this load, and how sure it is of the logarithm of the used fraction.
+/// A frame of this load, and the standard deviation of its log used fraction.
 fn shown(per_grip: f64, grip_n: f64, log_used_sd: f64) -> Shown {
     Shown { at_s: 0.0, per_grip, grip_n, sunk: 1.0, imprint_slides: false, log_used_sd }
 }
@@ -21,7 +21,7 @@ fn loaded(mu: f64) -> Friction {
     friction
 }
 
-/// What is told after a frame of that load that says that so much is used.
+/// Friction after a frame with this used fraction.
 fn told(friction: &mut Friction, shown: &Shown, fraction: f64) -> f64 {
     friction.see(shown, used(fraction)).0.expect("told").value
 }
@@ -65,7 +65,7 @@ fn what_hardly_pulls_tells_nothing_however_long_it_stands() {
     let mut friction = Friction::default();
     for frame in 0..600 {
         let noise = 0.001 + 0.0005 * f64::from(frame % 3);
-        // Trees that never saw so little say the least that they know, and are as sure of it as of that.
+        // Below the loads of their fit, trees return the smallest value they know, with its standard deviation.
         assert_eq!(friction.see(&shown(noise, 20.0, 0.5), used(0.04)).0, None, "frame {frame}");
     }
     let told = (0..60).map(|_| friction.see(&shown(0.4, 20.0, 0.1), used(0.5)).0).last().flatten();
@@ -76,7 +76,7 @@ fn what_hardly_pulls_tells_nothing_however_long_it_stands() {
 fn a_frame_that_knows_less_than_is_known_of_any_contact_is_not_believed() {
     let said = |sd: f64| Friction::default().see(&shown(0.1, 10.0, sd), used(0.8)).1.value;
     assert!((said(0.3) - 0.8).abs() < 1e-9 && (said(0.53) - 0.8).abs() < 1e-9, "it knows something");
-    // Of any contact a load of 0.1 uses 0.196.
+    // By the prior, a load of 0.1 uses 0.196.
     assert!(said(0.8) < 0.4 && said(0.8) > said(1.6) && said(1.6) > 0.196, "{} {}", said(0.8), said(1.6));
     let memory = loaded(0.8).told;
     let mut friction = loaded(0.8);
@@ -86,14 +86,15 @@ fn a_frame_that_knows_less_than_is_known_of_any_contact_is_not_believed() {
 
 #[test]
 fn what_leans_towards_any_contact_is_not_taken_for_a_slippery_one() {
-    // A rough one, pulled at a tenth of what it holds: a frame says a sixth, which any contact would use, and little surer.
+    // A rough contact at a tenth of the load it holds: a frame estimates a sixth, as by the prior, and hardly more
+    // surely.
     let mut friction = Friction::default();
     for _ in 0..60 {
         friction.see(&shown(0.09, 10.0, 0.5), used(0.16));
     }
     let (told, _) = friction.see(&shown(0.9, 10.0, 0.1), used(0.9));
     assert!(told.is_some_and(|told| told.value > 0.7), "one frame that knows outweighs them: {told:?}");
-    // Many that lean half way know it all the same.
+    // Many frames that are biased half way to the prior still give the friction.
     let mut friction = Friction::default();
     let leans = |mu: f64| (ANY_LOG_MU + mu.ln()) / 2.0;
     let mut rough = 0.0;
@@ -107,7 +108,7 @@ fn what_leans_towards_any_contact_is_not_taken_for_a_slippery_one() {
 #[test]
 fn what_frames_near_the_slide_told_is_not_forgotten_over_many_that_tell_little() {
     let mut friction = loaded(0.8);
-    // Let off to a quarter; a frame then takes any contact for one of middling friction.
+    // Unloaded to a quarter; a frame then estimates medium friction for any contact.
     let kept = (0..90).map(|_| told(&mut friction, &shown(0.2, 10.0, 0.5), 0.45)).last().expect("frames");
     assert!((0.68..=0.82).contains(&kept), "{kept}");
 }
@@ -181,7 +182,8 @@ fn a_hand_that_opens_tells_of_no_friction_that_there_is_not() {
 
 #[test]
 fn what_letting_go_leaves_in_the_field_is_not_taken_for_slip() {
-    // Pressed, pulled a little, and let go to a tenth: the field of the large contact is still there, and looks like half of the friction.
+    // Pressed, pulled a little, and released to a tenth: the field of the large contact remains, and looks like half of
+    // the friction.
     let mut friction = Friction::default();
     for _ in 0..60 {
         friction.see(&shown(0.06, 60.0, 0.2), used(0.1));
@@ -212,7 +214,7 @@ fn what_letting_go_leaves_in_the_field_is_not_taken_for_slip() {
 
 #[test]
 fn what_a_larger_load_has_left_at_the_rim_is_not_taken_for_slip_of_a_smaller_one() {
-    // A bottle that is pushed up: its load halves within two frames, and the rim still lags as under all of it.
+    // A bottle is pushed up: its load halves within two frames, and the rim still lags as under the full load.
     let mut friction = loaded(0.8);
     let ((before, _), mut now) = (friction.see(&shown(0.64, 10.0, 0.1), used(0.8)), used(0.0));
     for load in [0.45, 0.32, 0.31, 0.32] {
@@ -227,11 +229,11 @@ fn what_a_larger_load_has_left_at_the_rim_is_not_taken_for_slip_of_a_smaller_one
     sliding.see(&shown(0.64, 10.0, 0.1), used(0.8));
     let falls = Shown { imprint_slides: true, ..shown(0.32, 10.0, 0.2) };
     assert!((sliding.see(&falls, used(0.95)).1.value - 0.95).abs() < 1e-9, "it slides, and its load falls with that");
-    // A regrip begins anew: nothing is left of it then.
+    // After a regrip nothing of it is left.
     friction.regripped();
     let anew = Shown { at_s: 1.0, ..shown(0.32, 12.0, 0.02) };
     assert!((friction.see(&anew, used(0.75)).1.value - 0.75).abs() < 0.02);
-    // Of a contact of which nothing is known, what any contact has.
+    // Without information on the contact, the prior.
     let mut friction = Friction::default();
     let _ = friction.see(&shown(0.4, 10.0, 0.5), used(0.7));
     let now = friction.see(&shown(0.1, 10.0, 0.2), used(0.7)).1;
@@ -243,7 +245,7 @@ fn the_load_that_slides_tells_the_friction_whatever_frames_said() {
     let mut friction = Friction::default();
     friction.slides(true);
     assert_eq!(friction.see(&shown(0.3, 10.0, 0.4), used(0.45)).0, None, "no frame, no slide");
-    // Told as rough: more than the half of it is out of sight. The load falls as it slides.
+    // Estimated as rough: more than half of it is out of view. The load falls during the slide.
     let slid = |frames: u32, period_s: f64| {
         let mut friction = Friction::default();
         for _ in 0..60 {

@@ -1,4 +1,4 @@
-//! Matches on a grid of 10 x 7 markers whose spots a test puts where it wants.
+//! Matching on a grid of 10 x 7 markers with spots placed by each test.
 
 use super::*;
 use crate::sensor::tests::smooth;
@@ -11,7 +11,8 @@ fn markers() -> Vec<Marker> {
     (0..70).map(|id| Marker::at_rest(id, place(id))).collect()
 }
 
-/// A frame whose spots are where each marker is said to be, None for none; spot `i` is that of the `i`-th that has one.
+/// A frame with a spot for each marker at `place`, none where that is None; spot `i` belongs to the `i`-th marker with
+/// a spot.
 fn frame(markers: &[Marker], place: impl Fn(&Marker) -> Option<Vec2>) -> Matching {
     let mut matching = Matching::new(&smooth(), markers, None);
     let spots: Vec<Spot> =
@@ -21,7 +22,7 @@ fn frame(markers: &[Marker], place: impl Fn(&Marker) -> Option<Vec2>) -> Matchin
     matching
 }
 
-/// How far each matched marker is from where it should be, px; None where one has no spot.
+/// Distance of each matched marker from its true position, px; None without a spot.
 fn off_px(matching: &Matching, markers: &[Marker], place: impl Fn(&Marker) -> Vec2) -> Vec<Option<f64>> {
     let off = |m: &Marker| matching.spot_of(m.id as usize).map(|spot| (spot.position - place(m)).length());
     markers.iter().map(off).collect()
@@ -32,7 +33,7 @@ fn a_match_that_contradicts_its_neighbours_is_undone_and_the_marker_expected_whe
     let markers = markers();
     let went = |m: &Marker| m.rest + Vec2::new(6.0, 0.0);
     for (wrong, is_trusted) in [(&[34u32][..], true), (&[22, 47][..], false)] {
-        // Noise 0.7 of a pitch below where the marker should be, and the marker itself unseen.
+        // Noise 0.7 of a pitch below the true position; the marker itself is not visible.
         let is_wrong = |m: &Marker| wrong.contains(&m.id);
         let place = |m: &Marker| Some(went(m) + if is_wrong(m) { Vec2::new(0.0, 0.7 * PITCH_PX) } else { Vec2::ZERO });
         let mut matching = frame(&markers, place);
@@ -64,7 +65,7 @@ fn a_gradient_like_that_at_the_rim_of_a_slipping_contact_is_no_contradiction() {
 #[test]
 fn a_spot_belongs_to_the_nearest_marker_within_reach_that_is_strong_enough() {
     let markers = markers();
-    // Two spots alone: 0.2 of a pitch right of marker 33, 0.6 right of marker 55.
+    // Two spots only: 0.2 of a pitch right of marker 33, 0.6 right of marker 55.
     let spots = |m: &Marker| match m.id {
         33 => Some(m.rest + Vec2::new(0.2 * PITCH_PX, 0.0)),
         55 => Some(m.rest + Vec2::new(0.6 * PITCH_PX, 0.0)),
@@ -82,7 +83,6 @@ fn a_spot_belongs_to_the_nearest_marker_within_reach_that_is_strong_enough() {
     assert_eq!(matched(0.45, 51.0), [56], "too faint for that marker");
 }
 
-/// Markers in the middle were a pitch further right, and snapped back: each is found in the spot of the next.
 #[test]
 fn what_the_neighbours_said_before_holds_only_while_they_stand() {
     let markers = markers();
@@ -130,6 +130,7 @@ fn eight_known_neighbours_say_to_the_bit_what_a_plane_fitted_anew_says() {
     }
 }
 
+/// Markers in the middle were a pitch further right and snapped back: each is matched to the spot of the next.
 #[test]
 fn a_field_that_is_torn_is_grown_anew_from_the_markers_that_stood_still() {
     let markers = markers();
@@ -147,7 +148,7 @@ fn a_field_that_is_torn_is_grown_anew_from_the_markers_that_stood_still() {
     assert!(!matching.torn(&markers));
 }
 
-/// Nothing stood still, so that nothing is there to grow from: what was found is kept.
+/// No marker stood still, so there is nothing to grow from: the matches are kept.
 #[test]
 fn a_field_that_moved_as_a_whole_is_kept() {
     let markers = markers();
@@ -157,15 +158,15 @@ fn a_field_that_moved_as_a_whole_is_kept() {
     matching.assign(0.4);
     matching.repair_tear(&markers, markers.iter().map(went));
     assert!(off_px(&matching, &markers, went).iter().all(|off| *off == Some(0.0)));
-    // Its spots are taken again: nobody else is given one.
+    // Its spots are taken again and are free for no other marker.
     assert!(matching.spot_taken.iter().all(|taken| *taken));
 }
 
-/// Where the border cuts a marker its spot is off across the border, not along it.
+/// The spot of a marker cut by the border is displaced across the border, not along it.
 #[test]
 fn a_marker_at_the_border_is_placed_along_it_by_its_spot_and_across_it_by_its_neighbours() {
     let markers = markers();
-    // All go 23 px left and 4 down; the dot of marker 30 is cut at x = 2 and seems to be 2 px further right.
+    // All move 23 px left and 4 px down; the dot of marker 30 is cut at x = 2 and appears 2 px further right.
     let went = |m: &Marker| m.rest + Vec2::new(-23.0, 4.0);
     let seen = |m: &Marker| went(m) + Vec2::new(if m.id == 30 { 2.0 } else { 0.0 }, 0.0);
     let mut matching = frame(&markers, |m| Some(seen(m)));
