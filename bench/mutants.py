@@ -38,7 +38,7 @@ def tests(*names):
 
 
 # Groups of test binaries, quick ones first, and those that are only run with --long. Left out altogether: what reads the sources or the
-# allocator instead of running the method (`tidy`, `import_circles`, `no_alloc`), and `twins`, about kernels that are not mutated here.
+# allocator instead of running the method (`conventions`, `import_cycles`, `no_alloc`), and `simd_parity`, about kernels that are not mutated here.
 LIB = ["--lib"]
 STATES = [*LIB, *tests("controllers", "events", "hand", "law_pictures", "task_pictures", "tasks")]
 REPORTS, CYCLES, WIRES = tests("reports"), tests("cycles"), tests("wires")

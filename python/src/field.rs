@@ -7,7 +7,7 @@ use slipbound::monitor::{Marker, SlipMonitor};
 use slipbound::pixels::morphology::Element;
 use slipbound::plane::Vec2;
 use slipbound::sensor::Sensor;
-use slipbound_rig::overlay::Seen;
+use slipbound_rig::overlay::OverlayInput;
 use std::sync::Arc;
 
 /// What a report keeps of the monitor that made it.
@@ -33,15 +33,15 @@ impl Kept {
     }
 
     /// Shows it for an overlay.
-    pub fn seen<R>(&self, draw: impl FnOnce(Seen<'_>) -> R) -> R {
+    pub fn seen<R>(&self, draw: impl FnOnce(OverlayInput<'_>) -> R) -> R {
         let Kept { sensor, markers, regions, .. } = self;
         match regions {
             Some((contact_region, inner)) => {
-                draw(Seen { sensor, markers, contact_region, inner_erosion: inner.as_ref() })
+                draw(OverlayInput { sensor, markers, contact_region, inner_erosion: inner.as_ref() })
             }
             None => {
                 let empty = Mask::new(sensor.rectified_px());
-                draw(Seen { sensor, markers, contact_region: &empty, inner_erosion: None })
+                draw(OverlayInput { sensor, markers, contact_region: &empty, inner_erosion: None })
             }
         }
     }

@@ -10,19 +10,19 @@ use slipbound::image::ByteOrder;
 use slipbound::monitor::{SlipMonitor, SlipReport};
 use slipbound::port::FrameBuffer;
 use slipbound::sensor::Sensor;
-use slipbound_lab::eval::guest::{Guest, judge, rivals};
+use slipbound_lab::eval::custom_detector::{CustomDetector, judge, rivals};
 use slipbound_lab::eval::ramps::Ramps;
 use slipbound_lab::eval::{EvalError, Protocol as _, TrialRecord};
 use std::sync::Arc;
 
 /// A Python object with `begin`, `see` and `restart`. After its first exception it is not called again.
-struct PythonGuest {
+struct PythonDetector {
     detector: Py<PyAny>,
     sensor: Option<Arc<Sensor>>,
     raised: Raised,
 }
 
-impl PythonGuest {
+impl PythonDetector {
     fn ask<R: Default>(&self, ask: impl FnOnce(Python<'_>, &Bound<'_, PyAny>) -> PyResult<R>) -> R {
         if self.raised.is_set() {
             return R::default();
@@ -37,7 +37,7 @@ impl PythonGuest {
     }
 }
 
-impl Guest for PythonGuest {
+impl CustomDetector for PythonDetector {
     fn begin(&mut self) {
         self.sensor = None;
         self.ask(|_, detector| detector.call_method0("begin").map(drop));
@@ -71,12 +71,13 @@ pub fn judge_ramp<'py>(
     beside: Vec<String>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let raised = Raised::default();
-    let mut guest = PythonGuest { detector, sensor: None, raised: raised.clone() };
+    let mut python_detector = PythonDetector { detector, sensor: None, raised: raised.clone() };
     let beside: Vec<&str> = beside.iter().map(String::as_str).collect();
     let beside = rivals(&beside).map_err(setting)?;
     let (seed, number) = trial;
     let ramps = Ramps::new(seed, None);
-    let judged = py.detach(|| guarded(|| Ok(judge(&ramps, number, (name, threshold, &mut guest), &beside))))?;
+    let judged =
+        py.detach(|| guarded(|| Ok(judge(&ramps, number, (name, threshold, &mut python_detector), &beside))))?;
     if let Some(error) = raised.take() {
         return Err(error);
     }

@@ -26,7 +26,7 @@ pub struct Finger {
 
 /// Result of an image.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Seen {
+pub enum FrameOutcome {
     /// It was skipped: the rest frame is neither known nor looked for.
     Idle,
     /// It was used for the rest frame; there is no report.
@@ -101,31 +101,33 @@ impl Finger {
     }
 
     /// Takes the next whole image.
-    pub fn see(&mut self, frame: &FrameBuffer, grip: Option<GripSample>) -> Seen {
+    pub fn see(&mut self, frame: &FrameBuffer, grip: Option<GripSample>) -> FrameOutcome {
         if self.is_idle() {
-            return Seen::Idle;
+            return FrameOutcome::Idle;
         }
         let pixels = match frame.frame() {
             Ok(pixels) => pixels,
-            Err(e) => return Seen::Refused(e.to_string()),
+            Err(e) => return FrameOutcome::Refused(e.to_string()),
         };
         let Some(monitor) = &mut self.monitor else { return self.look_for_rest(frame) };
         let report = monitor.step(&pixels, grip);
         self.last_state = Some(report.state);
         if !self.is_taring {
-            return Seen::Judged(report);
+            return FrameOutcome::Judged(report);
         }
         let ended = match report.state {
             SlipState::NoContact => match self.look_for_rest(frame) {
-                Seen::AtRest => return Seen::Judged(report),
-                Seen::RestFound(_) => Ok(()),
-                Seen::Refused(why) => Err(why),
-                Seen::Idle | Seen::Judged(_) | Seen::Tared(..) => Err("rest was not looked for".into()),
+                FrameOutcome::AtRest => return FrameOutcome::Judged(report),
+                FrameOutcome::RestFound(_) => Ok(()),
+                FrameOutcome::Refused(why) => Err(why),
+                FrameOutcome::Idle | FrameOutcome::Judged(_) | FrameOutcome::Tared(..) => {
+                    Err("rest was not looked for".into())
+                }
             },
             _ => Err("expected a finger that nothing touches, got one in contact".into()),
         };
         (self.is_taring, self.finder) = (false, None);
-        Seen::Tared(report, ended)
+        FrameOutcome::Tared(report, ended)
     }
 
     /// An image that did not arrive completely.
@@ -133,38 +135,38 @@ impl Finger {
         Some(self.monitor.as_ref()?.torn(seq, time_ns))
     }
 
-    fn look_for_rest(&mut self, frame: &FrameBuffer) -> Seen {
+    fn look_for_rest(&mut self, frame: &FrameBuffer) -> FrameOutcome {
         let finder = match &mut self.finder {
             Some(finder) => finder,
             None => match RestFinder::new(&self.sensor, &self.settings, frame.size) {
                 Ok(finder) => self.finder.insert(finder),
-                Err(e) => return Seen::Refused(e.to_string()),
+                Err(e) => return FrameOutcome::Refused(e.to_string()),
             },
         };
         if let Err(e) = finder.see(frame) {
             self.finder = None; // of another size: start again
-            return Seen::Refused(e.to_string());
+            return FrameOutcome::Refused(e.to_string());
         }
         if !finder.is_full() {
-            return Seen::AtRest;
+            return FrameOutcome::AtRest;
         }
         let found = match self.finder.take().map(RestFinder::find) {
             Some(Ok(found)) => found,
             // Only dark images so far: it continues to look.
-            Some(Err(RestError::NoStationaryFrame { .. })) if !self.is_taring => return Seen::AtRest,
-            Some(Err(e)) => return Seen::Refused(e.to_string()),
-            None => return Seen::AtRest,
+            Some(Err(RestError::NoStationaryFrame { .. })) if !self.is_taring => return FrameOutcome::AtRest,
+            Some(Err(e)) => return FrameOutcome::Refused(e.to_string()),
+            None => return FrameOutcome::AtRest,
         };
         let kind = found.rest.kind();
         if self.is_taring && kind == RestKind::InContact {
-            return Seen::Refused("expected a finger that nothing touches, got one in contact".into());
+            return FrameOutcome::Refused("expected a finger that nothing touches, got one in contact".into());
         }
         match SlipMonitor::new(&self.sensor, &self.settings, found.rest) {
             Ok(monitor) => {
                 (self.monitor, self.rest_kind) = (Some(monitor), Some(kind));
-                Seen::RestFound(kind)
+                FrameOutcome::RestFound(kind)
             }
-            Err(e) => Seen::Refused(e.to_string()),
+            Err(e) => FrameOutcome::Refused(e.to_string()),
         }
     }
 }

@@ -1,18 +1,18 @@
 //! A finger on a separate thread: images in, reports out.
 //!
 //! ```text
-//!   image topic --Inbox--> the two newest --decode--> Finger --> report, wrench topics; the hand, the tally
+//!   image topic --Inbox--> the two newest --decode--> Finger --> report, wrench topics; the hand, the counters
 //!                                                        '--> overlay thread, if it is free
 //! ```
 
 use crate::config::{Config, Finger as FingerConfig, ImageQos, ImageType};
+use crate::counters::FingerCounters;
 use crate::error::Error;
-use crate::finger::{Finger, Seen};
+use crate::finger::{Finger, FrameOutcome};
+use crate::image_decode::ReceivedImage;
 use crate::msg::{CompressedImage, Header, Image, SlipReport, WrenchStamped};
 use crate::overlay::OverlayThread;
-use crate::picture::Picture;
 use crate::ros::{Inbox, RELIABLE, Received, Ros, SENSOR_DATA, unix_ns};
-use crate::tally::Tally;
 use crate::tare;
 use crate::wrench::wrench;
 use ros2_client::Publisher;
@@ -44,7 +44,7 @@ pub struct Shared {
 
 /// Requests to a finger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ask {
+pub enum FingerRequest {
     /// Renew the rest frame.
     Tare,
     /// Stop doing so: the request has timed out.
@@ -67,59 +67,59 @@ pub enum FingerEvent {
 }
 
 /// The topic of a finger's images.
-enum Pictures {
+enum ImageTopic {
     Compressed(Inbox<CompressedImage>),
     Raw(Inbox<Image>),
 }
 
-impl Pictures {
+impl ImageTopic {
     fn wait(&mut self, longest: Duration) {
         match self {
-            Pictures::Compressed(inbox) => inbox.wait(longest),
-            Pictures::Raw(inbox) => inbox.wait(longest),
+            ImageTopic::Compressed(inbox) => inbox.wait(longest),
+            ImageTopic::Raw(inbox) => inbox.wait(longest),
         }
     }
 
     fn count_from(&mut self, last_seq: i64) {
         match self {
-            Pictures::Compressed(inbox) => inbox.count_from(last_seq),
-            Pictures::Raw(inbox) => inbox.count_from(last_seq),
+            ImageTopic::Compressed(inbox) => inbox.count_from(last_seq),
+            ImageTopic::Raw(inbox) => inbox.count_from(last_seq),
         }
     }
 
     fn last_seq(&self) -> i64 {
         match self {
-            Pictures::Compressed(inbox) => inbox.last_seq(),
-            Pictures::Raw(inbox) => inbox.last_seq(),
+            ImageTopic::Compressed(inbox) => inbox.last_seq(),
+            ImageTopic::Raw(inbox) => inbox.last_seq(),
         }
     }
 
-    fn take(&mut self) -> Result<Option<(Picture, u64)>, String> {
+    fn take(&mut self) -> Result<Option<(ReceivedImage, u64)>, String> {
         Ok(match self {
-            Pictures::Compressed(inbox) => {
-                inbox.take()?.map(|Received { message, seq }| (Picture::Compressed(message), seq))
+            ImageTopic::Compressed(inbox) => {
+                inbox.take()?.map(|Received { message, seq }| (ReceivedImage::Compressed(message), seq))
             }
-            Pictures::Raw(inbox) => inbox.take()?.map(|Received { message, seq }| (Picture::Raw(message), seq)),
+            ImageTopic::Raw(inbox) => inbox.take()?.map(|Received { message, seq }| (ReceivedImage::Raw(message), seq)),
         })
     }
 }
 
 /// A finger without topics: what is kept when the network is joined again.
-pub struct Kept {
+pub struct FingerState {
     finger: Finger,
     frames_count: u64,
     last_seq: i64,
     forgotten_count: u64,
 }
 
-impl Kept {
+impl FingerState {
     /// A finger without any frame, with this number of requests to forget.
     pub fn new(config: &FingerConfig, settings: &Settings, looks_for_rest: bool, forgotten_count: u64) -> Self {
         let mut finger = Finger::new(config.finger.sensor.clone(), settings.clone());
         if looks_for_rest {
             finger.look();
         }
-        Kept { finger, frames_count: 0, last_seq: 0, forgotten_count }
+        FingerState { finger, frames_count: 0, last_seq: 0, forgotten_count }
     }
 }
 
@@ -129,8 +129,8 @@ pub struct FingerThread {
     name: String,
     wrench_frame: String,
     finger: Finger,
-    pictures: Pictures,
-    waiting: VecDeque<(Picture, u64)>,
+    images: ImageTopic,
+    waiting: VecDeque<(ReceivedImage, u64)>,
     waiting_most_count: usize,
     frame: FrameBuffer,
     frames_count: u64,
@@ -138,58 +138,64 @@ pub struct FingerThread {
     reports: Publisher<SlipReport>,
     wrenches: Publisher<WrenchStamped>,
     overlay: Option<OverlayThread>,
-    tally: Arc<Mutex<Tally>>,
+    counters: Arc<Mutex<FingerCounters>>,
     shared: Arc<Shared>,
-    asked: Receiver<Ask>,
+    requests: Receiver<FingerRequest>,
     hand: Sender<(usize, FingerEvent)>,
 }
 
 /// Connections of a finger's thread.
-pub struct Joints {
+pub struct ThreadChannels {
     /// What the threads share.
     pub shared: Arc<Shared>,
     /// Counts of this finger.
-    pub tally: Arc<Mutex<Tally>>,
+    pub counters: Arc<Mutex<FingerCounters>>,
     /// Requests to the finger.
-    pub asked: Receiver<Ask>,
+    pub requests: Receiver<FingerRequest>,
     /// Events of the finger.
     pub hand: Sender<(usize, FingerEvent)>,
 }
 
 impl FingerThread {
     /// Makes the topics of finger number `place`.
-    pub fn new(ros: &mut Ros, place: usize, config: &Config, kept: Kept, joints: Joints) -> Result<Self, Error> {
+    pub fn new(
+        ros: &mut Ros,
+        place: usize,
+        config: &Config,
+        state: FingerState,
+        channels: ThreadChannels,
+    ) -> Result<Self, Error> {
         let finger = &config.fingers[place];
         let (name, wrench_frame) = (finger.finger.name.clone(), finger.wrench_frame.clone());
         let (qos, waiting_most_count) = match config.image_qos {
             ImageQos::SensorData => (SENSOR_DATA, WAITING_COUNT),
             ImageQos::Reliable => (RELIABLE, WAITING_RELIABLE_COUNT),
         };
-        let mut pictures = match finger.image_type {
-            ImageType::Compressed => Pictures::Compressed(ros.inbox(&finger.image_topic, &qos)?),
-            ImageType::Raw => Pictures::Raw(ros.inbox(&finger.image_topic, &qos)?),
+        let mut images = match finger.image_type {
+            ImageType::Compressed => ImageTopic::Compressed(ros.inbox(&finger.image_topic, &qos)?),
+            ImageType::Raw => ImageTopic::Raw(ros.inbox(&finger.image_topic, &qos)?),
         };
-        pictures.count_from(kept.last_seq);
+        images.count_from(state.last_seq);
         let overlay = config
             .overlay
             .then(|| ros.publisher(&format!("{name}/overlay/compressed"), &SENSOR_DATA).map(OverlayThread::new))
             .transpose()?;
-        let Joints { shared, tally, asked, hand } = joints;
+        let ThreadChannels { shared, counters, requests, hand } = channels;
         Ok(FingerThread {
             place,
-            finger: kept.finger,
-            pictures,
+            finger: state.finger,
+            images,
             waiting: VecDeque::new(),
             waiting_most_count,
             frame: FrameBuffer::default(),
-            frames_count: kept.frames_count,
-            forgotten_count: kept.forgotten_count,
+            frames_count: state.frames_count,
+            forgotten_count: state.forgotten_count,
             reports: ros.publisher(&format!("{name}/report"), &RELIABLE)?,
             wrenches: ros.publisher(&format!("{name}/wrench"), &SENSOR_DATA)?,
             overlay,
-            tally,
+            counters,
             shared,
-            asked,
+            requests,
             hand,
             name,
             wrench_frame,
@@ -197,18 +203,18 @@ impl FingerThread {
     }
 
     /// Runs until the node stops or joins again; returns what is kept.
-    pub fn run(mut self) -> Kept {
+    pub fn run(mut self) -> FingerState {
         while !self.shared.stop.load(Ordering::Relaxed) {
             self.take_all();
-            self.obey();
+            self.process_requests();
             match self.waiting.pop_front() {
-                Some((picture, seq)) => self.judge(picture, seq),
-                None => self.pictures.wait(LONGEST_WAIT),
+                Some((image, seq)) => self.judge(image, seq),
+                None => self.images.wait(LONGEST_WAIT),
             }
         }
-        self.obey(); // requests from before the end are still processed
-        Kept {
-            last_seq: self.pictures.last_seq(),
+        self.process_requests(); // requests from before the end are still processed
+        FingerState {
+            last_seq: self.images.last_seq(),
             finger: self.finger,
             frames_count: self.frames_count,
             forgotten_count: self.forgotten_count,
@@ -216,24 +222,24 @@ impl FingerThread {
     }
 
     /// Processes all requests, in order.
-    fn obey(&mut self) {
-        while let Ok(ask) = self.asked.try_recv() {
-            match ask {
-                Ask::Tare => {
+    fn process_requests(&mut self) {
+        while let Ok(request) = self.requests.try_recv() {
+            match request {
+                FingerRequest::Tare => {
                     if let Err(why) = self.finger.tare() {
-                        self.tell(FingerEvent::Tared(Err(why)));
+                        self.send_event(FingerEvent::Tared(Err(why)));
                     }
                 }
-                Ask::StopTare => {
+                FingerRequest::StopTare => {
                     if self.finger.stop_tare() {
-                        self.tell(FingerEvent::Tared(Err(tare::too_few())));
+                        self.send_event(FingerEvent::Tared(Err(tare::too_few())));
                     }
                 }
-                Ask::Look => self.finger.look(),
-                Ask::Forget => {
+                FingerRequest::Look => self.finger.look(),
+                FingerRequest::Forget => {
                     self.finger.forget();
                     self.forgotten_count += 1;
-                    self.tally.lock().unwrap_or_else(PoisonError::into_inner).has_rest = false;
+                    self.counters.lock().unwrap_or_else(PoisonError::into_inner).has_rest = false;
                 }
             }
         }
@@ -242,54 +248,54 @@ impl FingerThread {
     /// Takes all received images and keeps the newest.
     fn take_all(&mut self) {
         loop {
-            let taken = self.pictures.take();
-            let mut tally = self.tally.lock().unwrap_or_else(PoisonError::into_inner);
+            let taken = self.images.take();
+            let mut counters = self.counters.lock().unwrap_or_else(PoisonError::into_inner);
             match taken {
-                Ok(Some((picture, seq))) => {
-                    tally.received(seq);
-                    self.waiting.push_back((picture, seq));
+                Ok(Some((image, seq))) => {
+                    counters.received(seq);
+                    self.waiting.push_back((image, seq));
                     if self.waiting.len() > self.waiting_most_count {
                         self.waiting.pop_front();
-                        tally.passed_over_count += 1;
+                        counters.passed_over_count += 1;
                     }
                 }
                 Ok(None) => return,
                 Err(why) => {
-                    tally.failed(why);
+                    counters.failed(why);
                     return;
                 }
             }
         }
     }
 
-    fn judge(&mut self, picture: Picture, seq: u64) {
+    fn judge(&mut self, image: ReceivedImage, seq: u64) {
         if self.finger.is_idle() {
             return;
         }
-        let header = picture.header().clone();
+        let header = image.header().clone();
         let grip = *self.shared.grip.lock().unwrap_or_else(PoisonError::into_inner);
-        let report = match picture.decode(seq, &mut self.frame) {
+        let report = match image.decode(seq, &mut self.frame) {
             Ok(()) => match self.finger.see(&self.frame, grip) {
-                Seen::Judged(report) => Some(report),
-                Seen::Tared(report, ended) => {
-                    self.tell(FingerEvent::Tared(ended));
+                FrameOutcome::Judged(report) => Some(report),
+                FrameOutcome::Tared(report, ended) => {
+                    self.send_event(FingerEvent::Tared(ended));
                     Some(report)
                 }
-                Seen::Idle | Seen::AtRest => None,
-                Seen::RestFound(_) => {
-                    self.tally.lock().unwrap_or_else(PoisonError::into_inner).has_rest = true;
-                    self.tell(FingerEvent::AtRest(self.forgotten_count));
+                FrameOutcome::Idle | FrameOutcome::AtRest => None,
+                FrameOutcome::RestFound(_) => {
+                    self.counters.lock().unwrap_or_else(PoisonError::into_inner).has_rest = true;
+                    self.send_event(FingerEvent::AtRest(self.forgotten_count));
                     None
                 }
-                Seen::Refused(why) => {
-                    self.tally.lock().unwrap_or_else(PoisonError::into_inner).failed(why);
+                FrameOutcome::Refused(why) => {
+                    self.counters.lock().unwrap_or_else(PoisonError::into_inner).failed(why);
                     None
                 }
             },
             Err(why) => {
-                let mut tally = self.tally.lock().unwrap_or_else(PoisonError::into_inner);
-                tally.torn_count += 1;
-                tally.last_failure = Some(why);
+                let mut counters = self.counters.lock().unwrap_or_else(PoisonError::into_inner);
+                counters.torn_count += 1;
+                counters.last_failure = Some(why);
                 self.finger.torn(seq, self.frame.time_ns)
             }
         };
@@ -297,7 +303,7 @@ impl FingerThread {
         // Read once, so that subscribers receive all messages for an image, or none.
         match self.shared.publishes.load(Ordering::Relaxed) {
             true => self.publish(header, &report),
-            false => self.tell(FingerEvent::Report(Box::new(report))),
+            false => self.send_event(FingerEvent::Report(Box::new(report))),
         }
     }
 
@@ -307,13 +313,13 @@ impl FingerThread {
         let (header, state) = (message.header.clone(), message.state.clone());
         let sent = self.reports.publish(message).map_err(|e| e.to_string());
         {
-            let mut tally = self.tally.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut counters = self.counters.lock().unwrap_or_else(PoisonError::into_inner);
             match sent {
-                Ok(()) => tally.published(unix_ns(), report.time_ns, &state),
-                Err(why) => tally.failed(why),
+                Ok(()) => counters.published(unix_ns(), report.time_ns, &state),
+                Err(why) => counters.failed(why),
             }
         }
-        self.tell(FingerEvent::Report(Box::new(*report)));
+        self.send_event(FingerEvent::Report(Box::new(*report)));
         if let Some(wrench) = wrench(header.stamp, &self.wrench_frame, report) {
             let _ = self.wrenches.publish(wrench); // best effort: the report has the same numbers
         }
@@ -322,7 +328,7 @@ impl FingerThread {
         }
     }
 
-    fn tell(&self, told: FingerEvent) {
-        let _ = self.hand.send((self.place, told)); // the node is ending: no receiver is left
+    fn send_event(&self, event: FingerEvent) {
+        let _ = self.hand.send((self.place, event)); // the node is ending: no receiver is left
     }
 }

@@ -9,7 +9,7 @@
 //! node at the other end must also keep it when it receives nothing.
 
 use crate::error::Error;
-use crate::heard::Heard;
+use crate::heartbeat::Heartbeat;
 use crate::msg::{GripCommand as GripCommandMessage, GripperState as GripperStateMessage, Header};
 use crate::ros::{Inbox, LAST_RELIABLE, Ros, SENSOR_DATA, stamp};
 use ros2_client::Publisher;
@@ -20,7 +20,7 @@ use slipbound_rig::link::now_ns;
 pub struct TopicGripper {
     commands: Publisher<GripCommandMessage>,
     states: Inbox<GripperStateMessage>,
-    heard: Heard,
+    heartbeat: Heartbeat,
     state: Option<GripperState>,
 }
 
@@ -31,7 +31,7 @@ impl TopicGripper {
         Ok(TopicGripper {
             commands: ros.publisher(&format!("{base}/command"), &LAST_RELIABLE)?,
             states: ros.inbox(&topic, &SENSOR_DATA)?,
-            heard: Heard::new(&topic),
+            heartbeat: Heartbeat::new(&topic),
             state: None,
         })
     }
@@ -56,7 +56,7 @@ impl Gripper for TopicGripper {
         };
         self.poll_io();
         let lost = |why: String| GripperError::new(GripperErrorKind::Link, why);
-        self.heard.check(now_ns()).map_err(lost)?;
+        self.heartbeat.check(now_ns()).map_err(lost)?;
         let header = Header { stamp: stamp(), frame_id: String::new() };
         let message = GripCommandMessage { header, jaws: jaws.into(), force_n };
         self.commands.publish(message).map_err(|e| lost(e.to_string()))
@@ -64,20 +64,20 @@ impl Gripper for TopicGripper {
 
     fn poll(&mut self) -> Result<GripperState, GripperError> {
         self.poll_io();
-        self.heard.check(now_ns()).map_err(|why| GripperError::new(GripperErrorKind::Link, why))?;
+        self.heartbeat.check(now_ns()).map_err(|why| GripperError::new(GripperErrorKind::Link, why))?;
         self.state.ok_or_else(|| GripperError::new(GripperErrorKind::NotReady, "expected a state, got none so far"))
     }
 
     fn poll_io(&mut self) {
         if let Some(message) = self.states.newest() {
             let now_ns = now_ns();
-            self.heard.heard(now_ns);
+            self.heartbeat.received(now_ns);
             self.state = Some(state(now_ns, &message));
         }
     }
 
     fn next_event(&mut self) -> Option<DriverEvent> {
-        self.heard.next_event()
+        self.heartbeat.next_event()
     }
 }
 

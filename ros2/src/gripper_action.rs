@@ -14,7 +14,7 @@
 
 use crate::error::Error;
 use crate::gripper::checked_force_n;
-use crate::heard::Heard;
+use crate::heartbeat::Heartbeat;
 use crate::msg::{GripperCommandGoal, GripperCommandResult, JointState};
 use crate::ros::{Inbox, RELIABLE, Ros, SENSOR_DATA};
 use ros2_client::action::{ActionClient, ActionClientQosPolicies};
@@ -29,7 +29,7 @@ use slipbound_rig::link::now_ns;
 const ANSWER_NS: u64 = 500_000_000;
 
 /// Time after which an unanswered goal is reported again, ns: sooner than the loop clears a fault.
-const TOLD_AGAIN_NS: u64 = 250_000_000;
+const REPORT_AGAIN_NS: u64 = 250_000_000;
 
 /// Time without motion after which the jaws count as standing still, ns.
 const STILL_NS: u64 = 200_000_000;
@@ -105,7 +105,7 @@ pub struct ActionGripper {
     config: ActionGripperConfig,
     client: ActionClient<GripperCommandGoal, GripperCommandResult, GripperCommandResult>,
     joints: Inbox<JointState>,
-    heard: Heard,
+    heartbeat: Heartbeat,
     /// Sent, not yet accepted: the request, its goal, the time it was sent.
     pending: Option<(RmwRequestId, Goal, u64)>,
     /// The newest goal requested meanwhile.
@@ -151,7 +151,7 @@ impl ActionGripper {
         Ok(ActionGripper {
             client,
             joints: ros.inbox(&config.joint_states, &SENSOR_DATA)?,
-            heard: Heard::new(&format!("{} of {}", config.joint, config.joint_states)),
+            heartbeat: Heartbeat::new(&format!("{} of {}", config.joint, config.joint_states)),
             config,
             pending: None,
             next: None,
@@ -167,15 +167,15 @@ impl ActionGripper {
         })
     }
 
-    fn hear_joint(&mut self, now_ns: u64) {
+    fn read_joint(&mut self, now_ns: u64) {
         // A server that returns after a silence may have restarted.
-        self.is_sure &= !self.heard.is_silent(now_ns);
+        self.is_sure &= !self.heartbeat.is_silent(now_ns);
         // Several nodes may share the topic: each message may contain other joints.
         while let Ok(Some(received)) = self.joints.take() {
             let joints = received.message;
             let Some(at) = joints.name.iter().position(|name| *name == self.config.joint) else { continue };
             let Some(&position) = joints.position.get(at).filter(|p| p.is_finite()) else { continue };
-            self.heard.heard(now_ns);
+            self.heartbeat.received(now_ns);
             self.position = position;
             self.effort = joints.effort.get(at).copied().filter(|effort| effort.is_finite());
             let way = (self.config.open_position - self.config.closed_position).abs();
@@ -185,7 +185,7 @@ impl ActionGripper {
         }
     }
 
-    fn hear_answer(&mut self, now_ns: u64) {
+    fn read_answer(&mut self, now_ns: u64) {
         let Some((id, goal, sent_ns)) = self.pending else { return };
         match self.client.receive_goal_response(id) {
             Ok(Some(answer)) if answer.accepted => {
@@ -206,7 +206,7 @@ impl ActionGripper {
         }
         self.pending = None;
         // The server may be gone: then the loop sends the command again.
-        if let Some(next) = self.next.take().filter(|next| !self.heard.is_silent(now_ns) && !self.holds(next))
+        if let Some(next) = self.next.take().filter(|next| !self.heartbeat.is_silent(now_ns) && !self.holds(next))
             && let Err(e) = self.send(next, now_ns)
         {
             self.doubt(next, e, now_ns);
@@ -280,7 +280,7 @@ impl Gripper for ActionGripper {
         };
         self.poll_io();
         let now_ns = now_ns();
-        self.heard.check(now_ns).map_err(|why| GripperError::new(GripperErrorKind::Link, why))?;
+        self.heartbeat.check(now_ns).map_err(|why| GripperError::new(GripperErrorKind::Link, why))?;
         (self.opens, self.has_held) = (!goal.is_hold, self.has_held && goal.is_hold);
         match self.pending {
             // One goal at a time: with a new request in every cycle a slow server would never be detected.
@@ -294,8 +294,8 @@ impl Gripper for ActionGripper {
     fn poll(&mut self) -> Result<GripperState, GripperError> {
         self.poll_io();
         let now_ns = now_ns();
-        self.heard.check(now_ns).map_err(|why| GripperError::new(GripperErrorKind::Link, why))?;
-        let is_due = |told_ns: u64| now_ns.saturating_sub(told_ns) >= TOLD_AGAIN_NS;
+        self.heartbeat.check(now_ns).map_err(|why| GripperError::new(GripperErrorKind::Link, why))?;
+        let is_due = |reported_ns: u64| now_ns.saturating_sub(reported_ns) >= REPORT_AGAIN_NS;
         let again = self.unanswered_ns.is_some_and(is_due).then(|| self.unanswered());
         if let Some(fault) = self.fault.take().or(again) {
             let was_answered = fault.kind == GripperErrorKind::Refused;
@@ -317,8 +317,8 @@ impl Gripper for ActionGripper {
 
     fn poll_io(&mut self) {
         let now_ns = now_ns();
-        self.hear_joint(now_ns);
-        self.hear_answer(now_ns);
+        self.read_joint(now_ns);
+        self.read_answer(now_ns);
     }
 
     fn is_busy(&self) -> bool {
@@ -326,6 +326,6 @@ impl Gripper for ActionGripper {
     }
 
     fn next_event(&mut self) -> Option<DriverEvent> {
-        self.heard.next_event()
+        self.heartbeat.next_event()
     }
 }

@@ -12,21 +12,21 @@
 //! `docs/ros2.md` explains how to use it, what was tested and what is not supported.
 
 pub mod config;
+pub mod counters;
 pub mod error;
 pub mod finger;
 mod finger_thread;
 pub mod gripper;
 pub mod gripper_action;
-mod heard;
+mod heartbeat;
+pub mod image_decode;
 pub mod lifecycle;
 mod managed;
 pub mod msg;
 pub mod node;
 pub mod overlay;
-pub mod picture;
-mod returns;
+mod reconnect;
 pub mod ros;
-pub mod tally;
 mod tare;
 pub mod wrench;
 pub mod wrist;

@@ -37,12 +37,12 @@ impl Managed {
     }
 
     /// Publishes the state.
-    pub fn say(&self, state: State) {
+    pub fn publish_state(&self, state: State) {
         let _ = self.states.publish(state.into()); // also answered on request, and in the diagnostics
     }
 
     /// Publishes a transition.
-    pub fn tell(&self, transition: Transition) {
+    pub fn publish_transition(&self, transition: Transition) {
         let _ = self.events.publish(TransitionEvent::of(transition, unix_ns())); // the state is published separately
     }
 

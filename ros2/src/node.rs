@@ -3,14 +3,14 @@
 mod states;
 
 use crate::config::Config;
+use crate::counters::FingerCounters;
 use crate::error::Error;
-use crate::finger_thread::{Ask, FingerEvent, FingerThread, Joints, Kept, Shared};
+use crate::finger_thread::{FingerEvent, FingerRequest, FingerState, FingerThread, Shared, ThreadChannels};
 use crate::lifecycle::{Lifecycle, State};
 use crate::managed::Managed;
 use crate::msg::{DiagnosticArray, Empty, GripperState, HandReport, Header, TriggerResponse};
-use crate::returns::Returns;
+use crate::reconnect::ReconnectWatcher;
 use crate::ros::{Inbox, RELIABLE, Ros, SENSOR_DATA, stamp, unix_ns};
-use crate::tally::Tally;
 use crate::tare::Tare;
 use ros2_client::service::RmwRequestId;
 use ros2_client::{Publisher, Server};
@@ -39,9 +39,9 @@ const GRIP_AGE_NS: u64 = 500_000_000;
 const LOOK: Duration = Duration::from_millis(5);
 
 /// The node's connections to the network.
-struct Joined {
+struct Network {
     ros: Ros,
-    returns: Returns,
+    reconnects: ReconnectWatcher,
     hand_reports: Publisher<HandReport>,
     diagnostics: Publisher<DiagnosticArray>,
     managed: Managed,
@@ -49,12 +49,12 @@ struct Joined {
     gripper: Option<Inbox<GripperState>>,
 }
 
-impl Joined {
+impl Network {
     fn new(config: &Config) -> Result<Self, Error> {
         let ros = Ros::new(&config.namespace, &config.node, config.domain_id)?;
         let mut ros = ros.with_services(config.service_mapping);
-        Ok(Joined {
-            returns: Returns::new(&ros),
+        Ok(Network {
+            reconnects: ReconnectWatcher::new(&ros),
             hand_reports: ros.publisher("hand/report", &RELIABLE)?,
             diagnostics: ros.publisher("/diagnostics", &RELIABLE)?,
             managed: Managed::new(&mut ros)?,
@@ -68,9 +68,9 @@ impl Joined {
 /// The node, ready to run.
 pub struct SlipNode {
     config: Config,
-    joined: Joined,
+    network: Network,
     fingers: Vec<FingerOfNode>,
-    told: Receiver<(usize, FingerEvent)>,
+    events: Receiver<(usize, FingerEvent)>,
     shared: Arc<Shared>,
     hand: Hand,
     /// Which fingers have reported since the last report of the hand.
@@ -86,7 +86,7 @@ pub struct SlipNode {
     /// When the first rest frame was found, ns.
     rest_since_ns: Option<u64>,
     /// The request of the transition in progress, and its time, ns.
-    asked: Option<(RmwRequestId, u64)>,
+    transition_request: Option<(RmwRequestId, u64)>,
     /// Number of requests to the fingers to forget their rest frames.
     forgotten_count: u64,
 }
@@ -94,10 +94,10 @@ pub struct SlipNode {
 struct FingerOfNode {
     name: String,
     serial: String,
-    tally: Arc<Mutex<Tally>>,
-    asks: Sender<Ask>,
+    counters: Arc<Mutex<FingerCounters>>,
+    requests: Sender<FingerRequest>,
     has_rest: bool,
-    thread: Option<JoinHandle<Kept>>,
+    thread: Option<JoinHandle<FingerState>>,
 }
 
 impl SlipNode {
@@ -108,13 +108,13 @@ impl SlipNode {
         let fingers = config.fingers.iter().map(|finger| FingerOfNode {
             name: finger.finger.name.clone(),
             serial: finger.finger.serial.clone(),
-            tally: Arc::default(),
-            asks: channel().0,
+            counters: Arc::default(),
+            requests: channel().0,
             has_rest: false,
             thread: None,
         });
         let mut node = SlipNode {
-            joined: Joined::new(config)?,
+            network: Network::new(config)?,
             is_fresh: vec![false; config.fingers.len()],
             fresh_since_ns: None,
             hand_reported_ns: now_ns(),
@@ -124,82 +124,83 @@ impl SlipNode {
             lifecycle: Lifecycle::default(),
             starts_itself: config.autostart,
             rest_since_ns: None,
-            asked: None,
+            transition_request: None,
             forgotten_count: 0,
             hand,
             shared: Arc::default(),
-            told: nobody,
+            events: nobody,
             fingers: fingers.collect(),
             config: config.clone(),
         };
-        let fingers = config.fingers.iter().map(|finger| Kept::new(finger, &config.settings, config.autostart, 0));
+        let fingers =
+            config.fingers.iter().map(|finger| FingerState::new(finger, &config.settings, config.autostart, 0));
         node.spawn(fingers.collect())?;
         Ok(node)
     }
 
     /// Starts the threads of the fingers on the present network connection.
-    fn spawn(&mut self, fingers: Vec<Kept>) -> Result<(), Error> {
+    fn spawn(&mut self, fingers: Vec<FingerState>) -> Result<(), Error> {
         self.shared = Arc::new(Shared { publishes: self.publishes().into(), ..Shared::default() });
-        let (to_hand, told) = channel();
-        self.told = told;
+        let (to_hand, events) = channel();
+        self.events = events;
         let mut threads = Vec::new();
-        for (place, kept) in fingers.into_iter().enumerate() {
-            let (asks, asked) = channel();
-            let tally = self.fingers[place].tally.clone();
-            let joints = Joints { shared: self.shared.clone(), tally, asked, hand: to_hand.clone() };
-            threads.push(FingerThread::new(&mut self.joined.ros, place, &self.config, kept, joints)?);
-            self.fingers[place].asks = asks;
+        for (place, state) in fingers.into_iter().enumerate() {
+            let (requests_to, requests) = channel();
+            let counters = self.fingers[place].counters.clone();
+            let channels = ThreadChannels { shared: self.shared.clone(), counters, requests, hand: to_hand.clone() };
+            threads.push(FingerThread::new(&mut self.network.ros, place, &self.config, state, channels)?);
+            self.fingers[place].requests = requests_to;
         }
         for (finger, thread) in self.fingers.iter_mut().zip(threads) {
             finger.thread = Some(thread::spawn(move || thread.run()));
         }
-        self.say_state();
+        self.publish_state();
         Ok(())
     }
 
     /// Joins the network again. The state is kept, fingers keep their rest frames and everything they know; a tare in
     /// progress is dropped.
     fn rejoin(&mut self) -> Result<(), Error> {
-        let joined = Joined::new(&self.config)?;
+        let network = Network::new(&self.config)?;
         self.shared.stop.store(true, Ordering::Relaxed);
         let looks = self.starts_itself || self.lifecycle.state() != State::Unconfigured;
-        let mut kept = Vec::new();
+        let mut states = Vec::new();
         for (finger, config) in self.fingers.iter_mut().zip(&self.config.fingers) {
             let ended = finger.thread.take().and_then(|thread| thread.join().ok());
             // A finger whose thread has panicked starts again.
             let is_whole = ended.is_some();
-            let anew = || Kept::new(config, &self.config.settings, looks, self.forgotten_count);
-            kept.push(ended.unwrap_or_else(anew));
+            let anew = || FingerState::new(config, &self.config.settings, looks, self.forgotten_count);
+            states.push(ended.unwrap_or_else(anew));
             finger.has_rest &= is_whole;
-            let mut tally = finger.tally.lock().unwrap_or_else(PoisonError::into_inner);
-            tally.has_rest &= is_whole;
-            tally.rejoined_count += 1;
+            let mut counters = finger.counters.lock().unwrap_or_else(PoisonError::into_inner);
+            counters.has_rest &= is_whole;
+            counters.rejoined_count += 1;
         }
-        while let Ok((finger, told)) = self.told.try_recv() {
-            self.hear(finger, told);
+        while let Ok((finger, event)) = self.events.try_recv() {
+            self.handle_event(finger, event);
         }
-        (self.tare, self.joined) = (None, joined);
-        self.spawn(kept)
+        (self.tare, self.network) = (None, network);
+        self.spawn(states)
     }
 
     /// Runs until `stop` is set, a service shuts it down, every finger's thread has panicked, or the network cannot be
     /// joined again.
     pub fn run(mut self, stop: &AtomicBool) -> Result<(), Error> {
         while !stop.load(Ordering::Relaxed) {
-            match self.told.recv_timeout(LOOK) {
-                Ok((finger, told)) => self.hear(finger, told),
+            match self.events.recv_timeout(LOOK) {
+                Ok((finger, event)) => self.handle_event(finger, event),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return Err(Error::FingersBroken),
             }
             self.report_hand();
-            self.hear_gripper();
+            self.read_gripper();
             self.serve();
             if self.lifecycle.state() == State::Finalized {
                 self.take_leave(stop);
                 return Ok(());
             }
             self.diagnose();
-            if self.joined.returns.seen() {
+            if self.network.reconnects.participant_returned() {
                 self.rejoin()?;
             }
         }
@@ -208,11 +209,11 @@ impl SlipNode {
 
     /// Its full name on the network.
     pub fn full_name(&self) -> &str {
-        self.joined.ros.full_name()
+        self.network.ros.full_name()
     }
 
-    fn hear(&mut self, finger: usize, told: FingerEvent) {
-        match told {
+    fn handle_event(&mut self, finger: usize, event: FingerEvent) {
+        match event {
             FingerEvent::Report(report) => {
                 if !self.fingers[finger].has_rest {
                     return; // it is based on a state that was forgotten
@@ -255,43 +256,44 @@ impl SlipNode {
         let report = self.hand.report(now_ns);
         if self.publishes() {
             // A slow reader loses reports; the next one is newer.
-            let _ = self.joined.hand_reports.publish(HandReport::of(&self.config.hand_frame, &report));
+            let _ = self.network.hand_reports.publish(HandReport::of(&self.config.hand_frame, &report));
         }
     }
 
-    fn hear_gripper(&mut self) {
-        let Some(inbox) = &mut self.joined.gripper else { return };
+    fn read_gripper(&mut self) {
+        let Some(inbox) = &mut self.network.gripper else { return };
         let now_ns = now_ns();
-        let told = inbox.newest().map(|state| [state.force_n, state.target_n].into_iter().find(|n| n.is_finite()));
+        let reported = inbox.newest().map(|state| [state.force_n, state.target_n].into_iter().find(|n| n.is_finite()));
         let is_old = now_ns - self.gripped_ns > GRIP_AGE_NS;
-        let grip = match told {
+        let grip = match reported {
             Some(force_n) => force_n.map(|force_n| GripSample { force_n }),
             None if is_old => None,
             None => return,
         };
-        self.gripped_ns = if told.is_some() { now_ns } else { self.gripped_ns };
+        self.gripped_ns = if reported.is_some() { now_ns } else { self.gripped_ns };
         *self.shared.grip.lock().unwrap_or_else(PoisonError::into_inner) = grip;
     }
 
     fn serve(&mut self) {
         self.serve_states();
-        while let Ok(Some((id, _))) = self.joined.tare_service.receive_request() {
+        while let Ok(Some((id, _))) = self.network.tare_service.receive_request() {
             if self.tare.is_some() {
                 let message = "the fingers are being tared already".into();
-                let _ = self.joined.tare_service.send_response(id, TriggerResponse { success: false, message });
+                let _ = self.network.tare_service.send_response(id, TriggerResponse { success: false, message });
                 continue;
             }
             let names = self.fingers.iter().map(|finger| finger.name.clone()).collect();
             self.tare = Some(Tare::new(id, names, now_ns()));
             for finger in &self.fingers {
-                let _ = finger.asks.send(Ask::Tare); // a panicked thread does not answer: that is reported
+                // A panicked thread does not answer: that is reported.
+                let _ = finger.requests.send(FingerRequest::Tare);
             }
         }
         for finger in self.tare.as_mut().map(|tare| tare.stop(now_ns())).unwrap_or_default() {
-            let _ = self.fingers[finger].asks.send(Ask::StopTare);
+            let _ = self.fingers[finger].requests.send(FingerRequest::StopTare);
         }
         if let Some((id, answer)) = self.tare.as_ref().and_then(|tare| tare.answer(now_ns())) {
-            let _ = self.joined.tare_service.send_response(id, answer); // the client may be gone
+            let _ = self.network.tare_service.send_response(id, answer); // the client may be gone
             self.tare = None;
         }
     }
@@ -302,14 +304,14 @@ impl SlipNode {
             return;
         }
         self.diagnosed_ns = now_ns;
-        let node = self.joined.ros.full_name().trim_start_matches('/').to_owned();
+        let node = self.network.ros.full_name().trim_start_matches('/').to_owned();
         let lifecycle = self.lifecycle.state();
         let status = self.fingers.iter().map(|finger| {
-            let mut tally = finger.tally.lock().unwrap_or_else(PoisonError::into_inner);
-            tally.status(unix_ns(), lifecycle, &node, &finger.name, &finger.serial)
+            let mut counters = finger.counters.lock().unwrap_or_else(PoisonError::into_inner);
+            counters.status(unix_ns(), lifecycle, &node, &finger.name, &finger.serial)
         });
         let header = Header { stamp: stamp(), frame_id: String::new() };
-        let _ = self.joined.diagnostics.publish(DiagnosticArray { header, status: status.collect() }); // the next one is newer
+        let _ = self.network.diagnostics.publish(DiagnosticArray { header, status: status.collect() }); // the next one is newer
     }
 }
 
@@ -344,7 +346,7 @@ mod tests {
         let config = crate::config::load(&folder.path().join("node.toml"), Some(&domain_id)).expect("valid");
         let mut node = SlipNode::start(&config).expect("joins");
         // The same as when every thread has dropped its end.
-        node.told = channel().1;
+        node.events = channel().1;
         let error = node.run(&AtomicBool::new(false)).expect_err("nobody judges");
         assert!(!error.is_argument() && error.to_string().contains("broken down"), "{error}");
     }

@@ -9,7 +9,7 @@
 //! arrived for that long, because this end may be gone.
 
 use crate::error::Error;
-use crate::heard::Heard;
+use crate::heartbeat::Heartbeat;
 use crate::msg::{Header, WristCommand as WristCommandMessage, WristState as WristStateMessage};
 use crate::ros::{Inbox, LAST_RELIABLE, Ros, SENSOR_DATA, stamp};
 use ros2_client::Publisher;
@@ -22,7 +22,7 @@ use slipbound_rig::link::now_ns;
 pub struct TopicWrist {
     commands: Publisher<WristCommandMessage>,
     states: Inbox<WristStateMessage>,
-    heard: Heard,
+    heartbeat: Heartbeat,
     state: Option<WristState>,
 }
 
@@ -33,7 +33,7 @@ impl TopicWrist {
         Ok(TopicWrist {
             commands: ros.publisher(&format!("{base}/command"), &LAST_RELIABLE)?,
             states: ros.inbox(&topic, &SENSOR_DATA)?,
-            heard: Heard::new(&topic),
+            heartbeat: Heartbeat::new(&topic),
             state: None,
         })
     }
@@ -84,7 +84,7 @@ impl Wrist for TopicWrist {
         self.poll_io();
         let lost = |why: String| WristError::new(WristErrorKind::Link, why);
         // A pause is sent even if nobody seems to listen: the link may fail in one direction only.
-        let is_linked = self.heard.check(now_ns()).map_err(lost);
+        let is_linked = self.heartbeat.check(now_ns()).map_err(lost);
         if command.motion != WristMotion::Pause {
             is_linked?;
             return self.commands.publish(message).map_err(|e| lost(e.to_string()));
@@ -96,14 +96,14 @@ impl Wrist for TopicWrist {
     fn poll(&mut self) -> Result<WristState, WristError> {
         self.poll_io();
         let lost = |why: String| WristError::new(WristErrorKind::Link, why);
-        self.heard.check(now_ns()).map_err(lost)?;
+        self.heartbeat.check(now_ns()).map_err(lost)?;
         self.state.ok_or_else(|| lost("expected a state, got none so far".into()))
     }
 
     fn poll_io(&mut self) {
         if let Some(message) = self.states.newest() {
             let now_ns = now_ns();
-            self.heard.heard(now_ns);
+            self.heartbeat.received(now_ns);
             let WristStateMessage { angle_rad, lowered_mm, moving, .. } = message;
             if angle_rad.is_finite() && lowered_mm.is_finite() {
                 self.state = Some(WristState { time_ns: now_ns, angle_rad, lowered_mm, moving });

@@ -6,7 +6,7 @@ use slipbound::plant::Plant;
 use slipbound::port::{Gripper, Wrist};
 use slipbound_lab::hand::{SimHand, SimPlant};
 use slipbound_lab::lockstep::Actuators;
-use slipbound_rig::emulator::{self, Emulator, Faults, Joined, OnlyMoved};
+use slipbound_rig::emulator::{self, Emulator, Faults, LockstepPair, OnlyMoved};
 use slipbound_rig::gripper::{self, Driver};
 use slipbound_rig::wrist::LineWrist;
 use std::fmt;
@@ -85,8 +85,8 @@ pub struct LinkFaults {
 
 /// Drivers and emulators of gripper and wrist that move a simulated world, in lock-step.
 pub struct EmulatedActuators {
-    gripper: Joined<Driver>,
-    wrist: Joined<LineWrist>,
+    gripper: LockstepPair<Driver>,
+    wrist: LockstepPair<LineWrist>,
     plant: SimPlant,
 }
 
@@ -94,9 +94,9 @@ impl EmulatedActuators {
     /// Takes the jaws and the wrist of a hand that holds an object of this width, mm.
     pub fn new(hand: &SimHand, width_mm: f64, emulated: &EmulatedGripper, faults: &LinkFaults) -> anyhow::Result<Self> {
         let mut plant = hand.plant();
-        let gripper = Joined::new(emulated.driver(width_mm)?, emulated.emulator(&faults.gripper)?, &mut plant);
+        let gripper = LockstepPair::new(emulated.driver(width_mm)?, emulated.emulator(&faults.gripper)?, &mut plant);
         let (driver, emulator) = (LineWrist::new("line://emulator:2"), wrist_emulator(&faults.wrist)?);
-        let wrist = Joined::new(driver, emulator, &mut OnlyMoved(&mut plant));
+        let wrist = LockstepPair::new(driver, emulator, &mut OnlyMoved(&mut plant));
         Ok(EmulatedActuators { gripper, wrist, plant })
     }
 }

@@ -7,7 +7,7 @@
 //! ```
 
 use crate::emulated::{EmulatedGripper, LinkFaults, wrist_emulator};
-use crate::run_output::{QueuedOutput, Tally};
+use crate::run_output::{QueuedOutput, RunScorer};
 use anyhow::{Context, anyhow};
 use slipbound::control::{ControlLoop, CycleObserver, CycleView};
 use slipbound::monitor::Settings;
@@ -100,23 +100,23 @@ impl Loopback {
         Ok(Loopback { control, slots, world_frames, gripper, wrist, is_running, world: Some(world) })
     }
 
-    /// Runs the loop to its end; the world runs a second longer, and the truth at its end is in the tally. Also returns
+    /// Runs the loop to its end; the world runs a second longer, and the truth at its end is in the scorer. Also returns
     /// what the task waited for at the end, if its work had not begun.
     pub fn run(
         mut self,
         stop: &AtomicBool,
         output: &mut QueuedOutput,
-        tally: &mut Tally,
+        scorer: &mut RunScorer,
     ) -> (anyhow::Result<()>, Option<Missing>) {
-        let truth = tally.truth.clone();
+        let truth = scorer.truth.clone();
         let set_truth = |now: HandTruth| *truth.lock().unwrap_or_else(PoisonError::into_inner) = Some(now);
-        let ran = self.try_run(stop, output, tally, &set_truth);
+        let ran = self.try_run(stop, output, scorer, &set_truth);
         // The world runs on without the loop: an object that falls now was not held.
         let until_ns = now_ns() + AFTERWARDS_NS;
         while now_ns() < until_ns {
             self.world_frames.recv_timeout(PAUSE).into_iter().for_each(|world_frame| set_truth(world_frame.truth));
         }
-        truth.lock().unwrap_or_else(PoisonError::into_inner).iter().for_each(|truth| tally.score.add_truth(truth));
+        truth.lock().unwrap_or_else(PoisonError::into_inner).iter().for_each(|truth| scorer.score.add_truth(truth));
         self.is_running.store(false, Ordering::Relaxed);
         let panicked = || Err(anyhow!("the simulated world broke down"));
         let ended = self.world.take().map_or(Ok(()), |world| world.join().unwrap_or_else(|_| panicked()));
@@ -127,7 +127,7 @@ impl Loopback {
         &mut self,
         stop: &AtomicBool,
         output: &mut QueuedOutput,
-        tally: &mut Tally,
+        scorer: &mut RunScorer,
         set_truth: &dyn Fn(HandTruth),
     ) -> anyhow::Result<()> {
         let mut gripper = gripper::Device::open(&self.gripper, None)?;
@@ -140,23 +140,23 @@ impl Loopback {
             set_truth(world_frame.truth);
             true
         };
-        let mut observer = WithTruth { output, tally };
+        let mut observer = WithTruth { output, scorer };
         realtime::run(&mut self.control, &mut gripper, wrist.as_mut(), stop, &mut is_due, &mut observer)?;
         Ok(())
     }
 }
 
-/// Shows the output the truth in the tally.
+/// Shows the output the truth in the scorer.
 struct WithTruth<'a> {
     output: &'a mut QueuedOutput,
-    tally: &'a mut Tally,
+    scorer: &'a mut RunScorer,
 }
 
 impl CycleObserver for WithTruth<'_> {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
-        let truth = self.tally.truth.lock().unwrap_or_else(PoisonError::into_inner).as_ref().map(HandTruth::record);
+        let truth = self.scorer.truth.lock().unwrap_or_else(PoisonError::into_inner).as_ref().map(HandTruth::record);
         self.output.after_cycle(&CycleView { truth: truth.as_ref(), ..*view });
-        self.tally.after_cycle(view);
+        self.scorer.after_cycle(view);
     }
 }
 

@@ -88,11 +88,11 @@ impl RunOutput {
         QueuedOutput {
             recorder: self.recorder.map(|recorder| {
                 let lost = RunRecorder::lost_cycles;
-                QueuedObserver::telling_losses(recorder, QUEUE_DEPTH_COUNT, keeps_frames, lost)
+                QueuedObserver::reporting_losses(recorder, QUEUE_DEPTH_COUNT, keeps_frames, lost)
             }),
             container: self.container.map(|container| {
                 let takes_frames = container.takes_frames();
-                QueuedObserver::telling_losses(container, QUEUE_DEPTH_COUNT, takes_frames, McapObserver::lost_cycles)
+                QueuedObserver::reporting_losses(container, QUEUE_DEPTH_COUNT, takes_frames, McapObserver::lost_cycles)
             }),
             annotations: self.annotations,
             console: QueuedObserver::new(self.console, QUEUE_DEPTH_COUNT, false),
@@ -162,7 +162,7 @@ impl QueuedOutput {
         // A blocked terminal loses nothing that is not in the folder.
         let console = self.console.finish(LONGEST_TERMINAL).observer.unwrap_or_else(|| Console::new(Terminal::plain()));
         // Nor does it prevent the run from writing its page and ending.
-        let console = Console { terminal: console.terminal.patient_for(LONGEST_TERMINAL), ..console };
+        let console = Console { terminal: console.terminal.with_timeout(LONGEST_TERMINAL), ..console };
         let lost_count = lost_count + in_container;
         RunOutput { recorder, container: None, annotations: None, console, lost_count, lost: Vec::new() }
     }
@@ -233,7 +233,7 @@ impl CycleObserver for Console {
 
 /// Adds up the score of a run that is not in lock-step; `truth` is the present ground truth, where it is known.
 #[derive(Default)]
-pub struct Tally {
+pub struct RunScorer {
     /// The score so far.
     pub score: RunScore,
     /// What the task was doing last; None before the first command.
@@ -246,7 +246,7 @@ pub struct Tally {
     pub truth: Arc<Mutex<Option<HandTruth>>>,
 }
 
-impl CycleObserver for Tally {
+impl CycleObserver for RunScorer {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
         if self.refused_lowering.is_none() {
             self.refused_lowering = view.refused_lowering.map(str::to_owned);

@@ -69,7 +69,7 @@ impl Terminal {
 
     /// The same, with this longest wait for a line to be taken: after that, later lines are not written either.
     #[must_use]
-    pub fn patient_for(self, longest: Duration) -> Self {
+    pub fn with_timeout(self, longest: Duration) -> Self {
         Terminal { longest: Some(longest), ..self }
     }
 

@@ -9,7 +9,7 @@ fn slipbound(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_slipbound")).args(args).output().expect("runs")
 }
 
-fn told(output: &Output) -> String {
+fn printed(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
@@ -32,15 +32,15 @@ fn a_cap_is_opened_and_the_recording_gives_the_same_commands_bit_for_bit() {
     let folder = tempfile::tempdir().expect("a folder");
     let run = folder.path().join("run");
     let output = demo(&run, &["--task", "unscrew", "--set", "mu=0.4", "--record"]);
-    assert!(output.status.success(), "{}", told(&output));
-    assert!(told(&output).contains("Opened"), "{}", told(&output));
+    assert!(output.status.success(), "{}", printed(&output));
+    assert!(printed(&output).contains("Opened"), "{}", printed(&output));
     for file in ["run.toml", "events.jsonl", "reports.jsonl", "report.html", "frames.jsonl", "slip_001_left.png"] {
         assert!(run.join(file).exists(), "{file}");
     }
     let path = run.to_str().expect("UTF-8");
     let again = slipbound(&["replay", path]);
-    assert!(again.status.success(), "{}", told(&again));
-    assert!(told(&again).contains("every report and command the same"));
+    assert!(again.status.success(), "{}", printed(&again));
+    assert!(printed(&again).contains("every report and command the same"));
 
     // A command that differs in its last bit is found.
     let reports = run.join("reports.jsonl");
@@ -51,7 +51,7 @@ fn a_cap_is_opened_and_the_recording_gives_the_same_commands_bit_for_bit() {
     fs::write(&reports, changed).expect("written");
     let differs = slipbound(&["replay", path]);
     assert_eq!(differs.status.code(), Some(1));
-    assert!(told(&differs).contains("recorded hold with 20.000000000000004 N"), "{}", told(&differs));
+    assert!(printed(&differs).contains("recorded hold with 20.000000000000004 N"), "{}", printed(&differs));
 }
 
 #[test]
@@ -75,7 +75,7 @@ fn the_same_seed_gives_the_same_bytes_and_another_does_not() {
     let report = |name: &str, seed: &str| {
         let run = folder.path().join(name);
         let output = demo(&run, &["--task", "lift", "--seed", seed, "--set", "longest_s=2"]);
-        assert!(output.status.success(), "{}", told(&output));
+        assert!(output.status.success(), "{}", printed(&output));
         fs::read(run.join("reports.jsonl")).expect("reports")
     };
     let first = report("a", "1");
@@ -90,7 +90,7 @@ fn a_hand_that_goes_blind_holds_on_and_stands_still() {
         let folder = tempfile::tempdir().expect("a folder");
         let run = folder.path().join("run");
         let output = demo(&run, &["--set", "mu=0.6", "--set", "longest_s=3", "--fault", fault]);
-        assert!(output.status.success(), "{fault}: {}", told(&output));
+        assert!(output.status.success(), "{fault}: {}", printed(&output));
         let cycles = cycles(&run);
         let after = |c: &&Value| c["time_ns"].as_u64().expect("a time") > 1_800_000_000;
         let held: Vec<f64> = cycles.iter().filter(|c| c["phase"]["phase"] != "grasping").map(force_n).collect();
@@ -123,8 +123,8 @@ fn what_cannot_be_is_refused_before_anything_moves() {
     ] {
         fs::write(&file, text).expect("written");
         let output = demo(&run, &["--settings", file.to_str().expect("UTF-8")]);
-        assert_eq!(output.status.code(), Some(2), "{text}: {}", told(&output));
-        assert!(told(&output).contains(named), "{text}: {}", told(&output));
+        assert_eq!(output.status.code(), Some(2), "{text}: {}", printed(&output));
+        assert!(printed(&output).contains(named), "{text}: {}", printed(&output));
     }
     for args in [&["--set", "mu=-1"][..], &["--fault", "fire@2"], &["--set", "force=3"], &["--controller", "hope"]] {
         assert_eq!(demo(&run, args).status.code(), Some(2), "{args:?}");
@@ -132,8 +132,8 @@ fn what_cannot_be_is_refused_before_anything_moves() {
     fs::create_dir(&run).expect("made");
     fs::write(run.join("mine.txt"), "mine").expect("written");
     let output = demo(&run, &[]);
-    assert_eq!(output.status.code(), Some(2), "{}", told(&output));
-    assert!(told(&output).contains("run"), "{}", told(&output));
+    assert_eq!(output.status.code(), Some(2), "{}", printed(&output));
+    assert!(printed(&output).contains("run"), "{}", printed(&output));
 }
 
 /// Every file of a folder and its bytes, by its name.
@@ -160,10 +160,16 @@ fn a_run_folder_and_a_recording_hold_the_same_and_each_becomes_the_other() {
     let record = format!("--record={}", path("direct.mcap"));
     let direct = demo(Path::new(&path("beside")), &[&task[..], &[&record]].concat());
     // Every frame from 1.1 s on is torn, so the work does not begin any more.
-    assert_eq!((kept.status.code(), direct.status.code()), (Some(1), Some(1)), "{}{}", told(&kept), told(&direct));
+    assert_eq!(
+        (kept.status.code(), direct.status.code()),
+        (Some(1), Some(1)),
+        "{}{}",
+        printed(&kept),
+        printed(&direct)
+    );
     let convert = |from: &str, to: &str| {
         let ended = slipbound(&["convert", &path(from), "-o", &path(to)]);
-        assert_eq!(ended.status.code(), Some(0), "{}", told(&ended));
+        assert_eq!(ended.status.code(), Some(0), "{}", printed(&ended));
     };
     convert("run", "run.mcap");
     convert("run.mcap", "back");
@@ -189,11 +195,11 @@ fn a_run_folder_and_a_recording_hold_the_same_and_each_becomes_the_other() {
     assert!(String::from_utf8_lossy(&unpacked["left.frames.jsonl"]).contains("\"torn\":\""));
     for folder in ["back", "unpacked"] {
         let again = slipbound(&["replay", &path(folder)]);
-        assert!(again.status.success(), "{folder}: {}", told(&again));
+        assert!(again.status.success(), "{folder}: {}", printed(&again));
     }
     // Neither is overwritten, and no name leads out of the folder.
     let refused = slipbound(&["convert", &path("run.mcap"), "-o", &path("run")]);
-    assert_eq!(refused.status.code(), Some(2), "{}", told(&refused));
+    assert_eq!(refused.status.code(), Some(2), "{}", printed(&refused));
     let bytes = fs::read(path("direct.mcap")).expect("reads");
     let at = bytes.windows(13).position(|name| name == b"settings.toml").expect("an attachment");
     let mut outside = bytes;
@@ -206,11 +212,11 @@ fn a_run_folder_and_a_recording_hold_the_same_and_each_becomes_the_other() {
     outside[checksum..checksum + 4].fill(0);
     fs::write(path("outside.mcap"), &outside).expect("writes");
     let refused = slipbound(&["convert", &path("outside.mcap"), "-o", &path("inside")]);
-    assert_eq!(refused.status.code(), Some(1), "{}", told(&refused));
+    assert_eq!(refused.status.code(), Some(1), "{}", printed(&refused));
     assert!(
-        told(&refused).contains("expected names of files in one folder, got `../outside.js`"),
+        printed(&refused).contains("expected names of files in one folder, got `../outside.js`"),
         "{}",
-        told(&refused)
+        printed(&refused)
     );
     assert!(!Path::new(&path("outside.js")).exists());
 }

@@ -10,7 +10,7 @@ fn slipbound(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_slipbound")).args(args).output().expect("runs")
 }
 
-fn told(output: &Output) -> String {
+fn printed(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
@@ -32,8 +32,8 @@ fn ends_through_a_driver_as_without(task: &str, mu: &str, same: [&str; 2], near:
     let run = |name: &str, emulated: &[&str]| {
         let folder = scratch.path().join(name);
         let output = demo(&folder, &[&["--task", task, "--set", mu], emulated].concat());
-        assert!(output.status.success(), "{task} {name}: {}", told(&output));
-        (folder, told(&output))
+        assert!(output.status.success(), "{task} {name}: {}", printed(&output));
+        (folder, printed(&output))
     };
     let (_, without) = run("without", &[]);
     let (folder, with) = run("wsg50", &["--emulated", "wsg50"]);
@@ -74,15 +74,15 @@ fn a_link_cut_in_the_middle_is_waited_for_and_the_recording_replays() {
     let args =
         ["--task", "unscrew", "--set", "mu=0.9", "--emulated", emulated, "--gripper-fault", "close@2500", "--record"];
     let output = demo(&run, &args);
-    assert!(output.status.success(), "{}", told(&output));
-    assert_eq!(row(&told(&output), "ended"), "Opened");
+    assert!(output.status.success(), "{}", printed(&output));
+    assert_eq!(row(&printed(&output), "ended"), "Opened");
     for said in ["the link is lost", "the wrist pauses, the grip stays", "fast stop acknowledged", "going on"] {
-        assert!(told(&output).contains(said), "no `{said}`: {}", told(&output));
+        assert!(printed(&output).contains(said), "no `{said}`: {}", printed(&output));
     }
     let frames = fs::read_to_string(run.join("frames.jsonl")).expect("frames");
     assert!(frames.lines().filter(|line| line.contains("\"waiting\":true")).count() > 5);
     let again = slipbound(&["replay", run.to_str().expect("UTF-8")]);
-    assert!(again.status.success() && told(&again).contains("the same"), "{}", told(&again));
+    assert!(again.status.success() && printed(&again).contains("the same"), "{}", printed(&again));
 }
 
 /// The bottle is filled on while the wrist is not heard: the grip still responds.
@@ -91,10 +91,10 @@ fn an_unresponsive_wrist_does_not_keep_the_grip_from_answering_slip() {
     let scratch = tempfile::tempdir().expect("a folder");
     let fault = ["--task", "lift", "--emulated", "wsg50", "--wrist-fault", "stall=5000@3000"];
     let output = demo(&scratch.path().join("run"), &fault);
-    assert!(output.status.success(), "{}", told(&output));
-    assert!(told(&output).contains("wrist: line://"), "{}", told(&output));
+    assert!(output.status.success(), "{}", printed(&output));
+    assert!(printed(&output).contains("wrist: line://"), "{}", printed(&output));
     for (name, value) in [("ended", "Held"), ("dropped", "no"), ("slid in the fingers", "0.00")] {
-        assert_eq!(row(&told(&output), name), value, "{name}: {}", told(&output));
+        assert_eq!(row(&printed(&output), name), value, "{name}: {}", printed(&output));
     }
 }
 
@@ -106,10 +106,10 @@ fn a_gripper_that_does_not_press_harder_ends_the_task_and_no_cap_is_called_tight
     for (fault, said) in [("fixed-limit", "measured 10.0 N for too long"), ("refuse-force@2500", "out of range")] {
         let run = scratch.path().join(fault);
         let output = demo(&run, &["--set", "mu=0.9", "--emulated", "wsg50", "--gripper-fault", fault]);
-        assert_eq!(output.status.code(), Some(1), "{}", told(&output));
-        assert!(told(&output).contains(said) && told(&output).contains("waited 10 s"), "{}", told(&output));
-        assert_eq!(row(&told(&output), "ended"), "not", "{}", told(&output));
-        assert_eq!(row(&told(&output), "slid in the fingers"), "0.00", "{}", told(&output));
+        assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
+        assert!(printed(&output).contains(said) && printed(&output).contains("waited 10 s"), "{}", printed(&output));
+        assert_eq!(row(&printed(&output), "ended"), "not", "{}", printed(&output));
+        assert_eq!(row(&printed(&output), "slid in the fingers"), "0.00", "{}", printed(&output));
     }
 }
 
@@ -118,11 +118,11 @@ fn a_lower_force_that_is_not_permitted_is_told_once_and_the_task_goes_on() {
     let scratch = tempfile::tempdir().expect("a folder");
     let run = scratch.path().join("run");
     let output = demo(&run, &["--task", "lift", "--controller", "margin", "--emulated", "wsg50"]);
-    assert!(output.status.success(), "{}", told(&output));
-    assert_eq!(row(&told(&output), "ended"), "Held");
-    let refused = told(&output).lines().filter(|line| line.contains("a lower force was asked for")).count();
-    assert_eq!(refused, 1, "{}", told(&output));
-    assert!(!told(&output).contains("the wrist pauses"), "that is no trouble: {}", told(&output));
+    assert!(output.status.success(), "{}", printed(&output));
+    assert_eq!(row(&printed(&output), "ended"), "Held");
+    let refused = printed(&output).lines().filter(|line| line.contains("a lower force was asked for")).count();
+    assert_eq!(refused, 1, "{}", printed(&output));
+    assert!(!printed(&output).contains("the wrist pauses"), "that is no trouble: {}", printed(&output));
 }
 
 /// A Robotiq presses with 20 N and more and does not say how hard; the line protocol says everything.
@@ -132,9 +132,9 @@ fn other_grippers_do_the_tasks_too() {
     for (name, said) in [("robotiq-rtu", "presses with 20 to 235 N per finger"), ("line", "Opened")] {
         let run = scratch.path().join(name);
         let output = demo(&run, &["--task", "unscrew", "--set", "mu=0.6", "--emulated", name]);
-        assert!(output.status.success(), "{name}: {}", told(&output));
-        assert_eq!(row(&told(&output), "ended"), "Opened", "{name}");
-        assert!(told(&output).contains(said), "{name}: {}", told(&output));
+        assert!(output.status.success(), "{name}: {}", printed(&output));
+        assert_eq!(row(&printed(&output), "ended"), "Opened", "{name}");
+        assert!(printed(&output).contains(said), "{name}: {}", printed(&output));
     }
 }
 
@@ -144,15 +144,15 @@ fn over_sockets_and_in_real_time_a_cap_is_opened_too_and_that_replays() {
     let run = scratch.path().join("run");
     let args = ["--task", "unscrew", "--set", "mu=0.9", "--emulated", "wsg50", "--sockets", "--record"];
     let output = demo(&run, &args);
-    assert!(output.status.success(), "{}", told(&output));
-    assert_eq!(row(&told(&output), "ended"), "Opened");
+    assert!(output.status.success(), "{}", printed(&output));
+    assert_eq!(row(&printed(&output), "ended"), "Opened");
     check_replay(&run);
 }
 
 fn check_replay(run: &Path) {
     let again = slipbound(&["replay", run.to_str().expect("UTF-8")]);
-    assert!(again.status.success(), "{}", told(&again));
-    assert!(told(&again).contains("every report and command the same"), "{}", told(&again));
+    assert!(again.status.success(), "{}", printed(&again));
+    assert!(printed(&again).contains("every report and command the same"), "{}", printed(&again));
 }
 
 /// `hold` against an emulator in a process of its own: its output replays without either.
@@ -161,7 +161,7 @@ fn a_hold_on_emulated_hardware_replays_from_its_folder_alone() {
     let scratch = tempfile::tempdir().expect("a folder");
     let (seen, held) = (scratch.path().join("seen"), scratch.path().join("held"));
     let made = demo(&seen, &["--task", "lift", "--set", "longest_s=4", "--record"]);
-    assert!(seen.join("left").exists(), "{}", told(&made));
+    assert!(seen.join("left").exists(), "{}", printed(&made));
     let mut emulator = Command::new(env!("CARGO_BIN_EXE_slipbound"))
         .args(["emulate", "wsg50", "--width", "66", "--weight", "8", "--mu", "0.6"])
         .stdout(Stdio::piped())
@@ -180,7 +180,7 @@ fn a_hold_on_emulated_hardware_replays_from_its_folder_alone() {
         .output()
         .expect("runs");
     emulator.kill().and_then(|()| emulator.wait()).expect("ends");
-    assert!(output.status.success(), "{}", told(&output));
+    assert!(output.status.success(), "{}", printed(&output));
     fs::remove_dir_all(&seen).expect("removed");
     check_replay(&held);
 }
@@ -209,8 +209,8 @@ fn what_run_and_hold_cannot_do_is_said_before_anything_moves() {
         (vec!["demo", "--gripper-fault", "close@3"], 2, "--emulated"),
     ] {
         let output = slipbound(&args);
-        assert_eq!(output.status.code(), Some(code), "{args:?}: {}", told(&output));
-        assert!(told(&output).contains(said), "{args:?}: {}", told(&output));
+        assert_eq!(output.status.code(), Some(code), "{args:?}: {}", printed(&output));
+        assert!(printed(&output).contains(said), "{args:?}: {}", printed(&output));
     }
 }
 
@@ -224,14 +224,14 @@ fn work_that_never_began_and_hands_that_end_empty_are_failures() {
         ("lost", &["--emulated", "wsg50", "--gripper-fault", "lose-part@2500"], "what was held is gone"),
     ] {
         let output = demo(&scratch.path().join(name), &[&["--task", "lift"], args].concat());
-        assert_eq!(output.status.code(), Some(1), "{name}: {}", told(&output));
-        assert!(told(&output).contains(said), "{name}: {}", told(&output));
+        assert_eq!(output.status.code(), Some(1), "{name}: {}", printed(&output));
+        assert!(printed(&output).contains(said), "{name}: {}", printed(&output));
         assert!(scratch.path().join(name).join("report.html").exists(), "{name}");
     }
     // A recording in which the hand stays open: `dry` holds at once, the fingers feel nothing.
     let open = scratch.path().join("open");
     let made = demo(&open, &["--task", "lift", "--set", "longest_s=0.6", "--record"]);
-    assert!(open.join("left").exists(), "{}", told(&made));
+    assert!(open.join("left").exists(), "{}", printed(&made));
     // The same frames twice: enough for the rest frame, and some more.
     for i in 0..18 {
         let frame = |i: usize| open.join("left").join(format!("{i:06}.jpg"));
@@ -252,8 +252,8 @@ fn work_that_never_began_and_hands_that_end_empty_are_failures() {
             run.to_str().expect("UTF-8"),
         ];
         let output = slipbound(&[&["hold", left.to_str().expect("UTF-8")], &args[..]].concat());
-        assert_eq!(output.status.code(), Some(1), "{}", told(&output));
-        assert!(told(&output).contains("the work never began: "), "{}", told(&output));
+        assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
+        assert!(printed(&output).contains("the work never began: "), "{}", printed(&output));
         from.elapsed().as_secs_f64()
     };
     // Thirty-six frames: it plays at the requested rate, below 10 Hz too.
@@ -265,7 +265,7 @@ fn work_that_never_began_and_hands_that_end_empty_are_failures() {
 fn seen(scratch: &Path) -> (String, String) {
     let seen = scratch.join("seen");
     let made = demo(&seen, &["--task", "lift", "--set", "longest_s=4", "--record"]);
-    assert!(seen.join("left").exists(), "{}", told(&made));
+    assert!(seen.join("left").exists(), "{}", printed(&made));
     let text = |name: &str| seen.join(name).to_str().expect("UTF-8").to_owned();
     (text("left"), text("left.sensor.toml"))
 }
@@ -278,24 +278,24 @@ fn a_task_that_outlives_its_source_has_failed_and_a_hold_has_not() {
     let common = [&left, "--sensor", &sensor, "--gripper", "dry", "--rate-hz", "30"];
     let (lift, hold) = (folder("lift"), folder("hold"));
     let output = slipbound(&[&["run", "lift"], &common[..], &["--wrist", "dry", "-o", &lift]].concat());
-    assert_eq!(output.status.code(), Some(1), "{}", told(&output));
-    assert!(told(&output).contains("the source ended before the task did: lift was still "), "{}", told(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
+    assert!(printed(&output).contains("the source ended before the task did: lift was still "), "{}", printed(&output));
     let output = slipbound(&[&["hold"], &common[..], &["-o", &hold]].concat());
-    assert!(output.status.success(), "{}", told(&output));
+    assert!(output.status.success(), "{}", printed(&output));
 
     // A gripper that is not there leaves no files behind: the same command again is not refused for its folder.
     let gone = folder("gone");
     for _ in 0..2 {
         let nobody = [&left, "--sensor", &sensor, "--gripper", "wsg50://127.0.0.1:1", "-o", &gone];
         let output = slipbound(&[&["hold"], &nobody[..]].concat());
-        assert_eq!(output.status.code(), Some(1), "{}", told(&output));
-        assert!(told(&output).contains("cannot connect"), "{}", told(&output));
+        assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
+        assert!(printed(&output).contains("cannot connect"), "{}", printed(&output));
         assert!(!Path::new(&gone).exists());
     }
     // A folder in use is reported before the gripper is searched.
     let nobody = [&left, "--sensor", &sensor, "--gripper", "wsg50://127.0.0.1:1", "-o", &hold];
     let output = slipbound(&[&["hold"], &nobody[..]].concat());
-    assert_eq!(output.status.code(), Some(2), "{}", told(&output));
+    assert_eq!(output.status.code(), Some(2), "{}", printed(&output));
 
     // Too few frames for the rest frame: how many, of how many.
     let few = scratch.path().join("few");
@@ -306,9 +306,9 @@ fn a_task_that_outlives_its_source_has_failed_and_a_hold_has_not() {
     }
     let few = few.to_str().expect("UTF-8");
     let output = slipbound(&[&["hold", few], &common[1..], &["-o", &folder("none")]].concat());
-    assert_eq!(output.status.code(), Some(1), "{}", told(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
     let said = "expected 20 bright frames of the open hand to begin with, got 14 frames of ";
-    assert!(told(&output).contains(said), "{}", told(&output));
+    assert!(printed(&output).contains(said), "{}", printed(&output));
 }
 
 /// Names that lead out of the folder, or of which two make one file, are refused before anything is written.
@@ -324,11 +324,11 @@ fn a_finger_is_not_named_out_of_its_folder() {
         fs::write(&hand, format!("name = \"one\"\n{finger}")).expect("written");
         let (hand, run) = (hand.to_str().expect("UTF-8"), run.to_str().expect("UTF-8"));
         let output = slipbound(&["hold", empty, "--hand", hand, "--gripper", "dry", "--record", "-o", run]);
-        assert_eq!(output.status.code(), Some(2), "{}", told(&output));
+        assert_eq!(output.status.code(), Some(2), "{}", printed(&output));
         assert!(
-            told(&output).contains("hand.toml: fingers[0].name: expected 1 to 64 of A-Z a-z 0-9 _ -"),
+            printed(&output).contains("hand.toml: fingers[0].name: expected 1 to 64 of A-Z a-z 0-9 _ -"),
             "{}",
-            told(&output)
+            printed(&output)
         );
     }
     assert!(!run.exists());
@@ -348,7 +348,7 @@ fn a_run_whose_lines_are_cut_is_not_called_the_same() {
         fs::write(run.join("reports.jsonl"), reports).expect("written");
         fs::write(run.join("frames.jsonl"), frames).expect("written");
         let output = slipbound(&["replay", run.to_str().expect("UTF-8")]);
-        (output.status.code(), told(&output))
+        (output.status.code(), printed(&output))
     };
     let (code, said) = replay(&reports, &frames);
     assert_eq!(code, Some(0), "{said}");
@@ -403,6 +403,6 @@ fn frames_that_come_as_pixels_are_kept_and_replay() {
     assert_eq!(recorder.finish().expect("closes").lost_count, 0);
     let more = ["--sensor", &sensor, "--gripper", "dry", "--rate-hz", "30", "--record", "-o", &held];
     let output = slipbound(&[&["hold", &raw], &more[..]].concat());
-    assert!(output.status.success(), "{}", told(&output));
+    assert!(output.status.success(), "{}", printed(&output));
     check_replay(Path::new(&held));
 }

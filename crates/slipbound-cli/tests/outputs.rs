@@ -8,7 +8,7 @@ fn slipbound(folder: &Path, args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_slipbound")).current_dir(folder).args(args).output().expect("runs")
 }
 
-fn told(output: &Output) -> String {
+fn printed(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
@@ -17,7 +17,7 @@ fn clip() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = "press?rest_frames=3&press_s=0.1&settle_s=0.1&hold_s=0.1&grid=fast";
     let done = slipbound(folder.path(), &["simulate", scene, "-o", "clip"]);
-    assert!(done.status.success(), "{}", told(&done));
+    assert!(done.status.success(), "{}", printed(&done));
     folder
 }
 
@@ -25,8 +25,8 @@ fn clip() -> tempfile::TempDir {
 fn a_simulated_folder_is_watched_with_its_own_finger_and_makes_a_table() {
     let folder = clip();
     let done = slipbound(folder.path(), &["watch", "clip", "--csv", "table.csv", "--json", "lines.jsonl"]);
-    assert!(done.status.success() && told(&done).contains("took clip/sensor.toml"), "{}", told(&done));
-    assert!(!told(&done).contains("unjudged"), "{}", told(&done));
+    assert!(done.status.success() && printed(&done).contains("took clip/sensor.toml"), "{}", printed(&done));
+    assert!(!printed(&done).contains("unjudged"), "{}", printed(&done));
     let lines = fs::read_to_string(folder.path().join("lines.jsonl")).expect("a report");
     let table = fs::read_to_string(folder.path().join("table.csv")).expect("a table");
     let rows: Vec<Vec<&str>> = table.lines().map(|row| row.split(',').collect()).collect();
@@ -43,7 +43,7 @@ fn a_simulated_folder_is_watched_with_its_own_finger_and_makes_a_table() {
     }
     // The same by a pattern, as C numbers files.
     let done = slipbound(folder.path(), &["watch", "clip/frame_%06d.jpg"]);
-    assert!(done.status.success() && told(&done).contains("took clip/sensor.toml"), "{}", told(&done));
+    assert!(done.status.success() && printed(&done).contains("took clip/sensor.toml"), "{}", printed(&done));
 }
 
 #[test]
@@ -52,12 +52,12 @@ fn a_shorter_overlay_leaves_no_picture_of_a_longer_one_and_nobody_elses_is_touch
     let overlay = folder.path().join("pictures");
     let count = || fs::read_dir(&overlay).expect("there").count();
     let done = slipbound(folder.path(), &["watch", "clip", "--overlay", "pictures"]);
-    assert!(done.status.success(), "{}", told(&done));
+    assert!(done.status.success(), "{}", printed(&done));
     let all = count();
     fs::write(overlay.join("notes.txt"), "mine").expect("written");
     let source = "clip/frame_00000[0-4].jpg";
     let done = slipbound(folder.path(), &["watch", source, "--overlay", "pictures"]);
-    assert!(done.status.success(), "{}", told(&done));
+    assert!(done.status.success(), "{}", printed(&done));
     assert!(all > 5 && count() == 6, "{all}, then {}", count());
 }
 
@@ -78,8 +78,8 @@ fn a_name_that_promises_another_format_is_refused() {
         (&["sensors", "gelslm"], "did you mean `gelslim`?"),
     ] {
         let done = slipbound(folder.path(), args);
-        assert_eq!(done.status.code(), Some(2), "{args:?}: {}", told(&done));
-        assert!(told(&done).contains(said), "{args:?}: {}", told(&done));
+        assert_eq!(done.status.code(), Some(2), "{args:?}: {}", printed(&done));
+        assert!(printed(&done).contains(said), "{args:?}: {}", printed(&done));
     }
     assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 1, "nothing was written");
 }
@@ -91,10 +91,10 @@ fn a_sensor_file_that_is_there_is_not_calibrated_over() {
     fs::write(&place, "# edited by hand\n").expect("written");
     let words = ["calibrate", "clip/frame_000000.jpg", "-o", "own.toml"];
     let done = slipbound(folder.path(), &words);
-    assert_eq!(done.status.code(), Some(2), "{}", told(&done));
+    assert_eq!(done.status.code(), Some(2), "{}", printed(&done));
     assert_eq!(fs::read_to_string(&place).expect("there"), "# edited by hand\n");
     let done = slipbound(folder.path(), &[&words[..], &["--force"]].concat());
-    assert!(done.status.success(), "{}", told(&done));
+    assert!(done.status.success(), "{}", printed(&done));
     assert!(fs::read_to_string(&place).expect("there").contains("pitch_px"));
 }
 
@@ -102,20 +102,20 @@ fn a_sensor_file_that_is_there_is_not_calibrated_over() {
 fn pages_scripts_scenes_and_fingers_are_shown() {
     let folder = tempfile::tempdir().expect("a folder");
     let done = slipbound(folder.path(), &["man", "-o", "man"]);
-    assert!(done.status.success(), "{}", told(&done));
+    assert!(done.status.success(), "{}", printed(&done));
     let page = fs::read_to_string(folder.path().join("man/slipbound-watch.1")).expect("a page");
     assert!(page.contains("\\-\\-overlay"), "{page}");
     let done = slipbound(folder.path(), &["completions", "bash"]);
-    assert!(told(&done).contains("complete -F _slipbound"), "{}", told(&done));
+    assert!(printed(&done).contains("complete -F _slipbound"), "{}", printed(&done));
     let done = slipbound(folder.path(), &["scenes", "ramp"]);
     for part in ["ramp: pulled and turned", "ramp_s", "force_n", "slipbound watch 'sim:ramp"] {
-        assert!(told(&done).contains(part), "no {part}: {}", told(&done));
+        assert!(printed(&done).contains(part), "no {part}: {}", printed(&done));
     }
     // The output is a sensor file.
     let done = slipbound(folder.path(), &["sensors", "gelslim"]);
     fs::write(folder.path().join("own.toml"), &done.stdout).expect("written");
     let done = slipbound(folder.path(), &["sensors", "own.toml"]);
-    assert!(done.status.success() && told(&done).contains("pitch_px"), "{}", told(&done));
+    assert!(done.status.success() && printed(&done).contains("pitch_px"), "{}", printed(&done));
 }
 
 #[test]
@@ -126,8 +126,8 @@ fn several_recordings_are_rows_of_a_table_with_files_of_their_own() {
     let words = [&["watch", "clip", "nowhere.avi", "clip"][..], &written].concat();
     let done = slipbound(folder.path(), &words);
     // A missing one does not prevent the others from being judged.
-    assert_eq!(done.status.code(), Some(1), "{}", told(&done));
-    let said = told(&done);
+    assert_eq!(done.status.code(), Some(1), "{}", printed(&done));
+    let said = printed(&done);
     let rows: Vec<&str> = said.lines().filter(|line| line.starts_with("clip")).collect();
     assert!(rows.len() == 2 && rows[1].starts_with("clip-2 "), "{said}");
     assert!(said.contains("nowhere  failed") && said.contains("1 of 3 recordings"), "{said}");
@@ -140,7 +140,7 @@ fn several_recordings_are_rows_of_a_table_with_files_of_their_own() {
         ["t-clip.csv", "t-clip-2.csv"].map(|name| fs::read(folder.path().join(name)).expect("a table"));
     assert_eq!(first, second, "each begins anew");
     let done = slipbound(folder.path(), &["watch", "clip", "http://127.0.0.1:1/x"]);
-    assert_eq!(done.status.code(), Some(2), "{}", told(&done));
+    assert_eq!(done.status.code(), Some(2), "{}", printed(&done));
 }
 
 #[test]
@@ -149,9 +149,9 @@ fn the_page_of_a_recording_tells_what_the_terminal_and_the_slips_tell() {
     let scene = "sim:twist?grid=fast&angle_deg=30&speed_deg_per_s=60&rest_frames=3";
     let words = ["watch", scene, "--report", "page.html", "--slips", "slips.jsonl", "--csv", "t.csv"];
     let done = slipbound(folder.path(), &words);
-    assert!(done.status.success(), "{}", told(&done));
+    assert!(done.status.success(), "{}", printed(&done));
     let read = |name: &str| fs::read_to_string(folder.path().join(name)).expect("written");
-    let (page, slips, said) = (read("page.html"), read("slips.jsonl"), told(&done));
+    let (page, slips, said) = (read("page.html"), read("slips.jsonl"), printed(&done));
     let begins: Vec<&str> = said.lines().filter(|line| line.contains(" begins")).collect();
     assert!(!begins.is_empty() && slips.lines().count() == begins.len(), "{said}{slips}");
     for (begins, slip) in begins.iter().zip(slips.lines()) {
@@ -181,7 +181,11 @@ fn a_picture_that_stands_upright_is_asked_about() {
     fs::write(folder.path().join("a.jpg"), jpeg).expect("written");
     for args in [&["watch", "a.jpg"][..], &["watch", "a.jpg", "--sensor", "gelslim"]] {
         let done = slipbound(folder.path(), args);
-        assert!(done.status.code() == Some(2) && told(&done).contains("turned by 90 degrees?"), "{}", told(&done));
+        assert!(
+            done.status.code() == Some(2) && printed(&done).contains("turned by 90 degrees?"),
+            "{}",
+            printed(&done)
+        );
     }
 }
 
@@ -192,13 +196,13 @@ fn names_of_fingers_that_cannot_be_names_of_files_are_refused() {
     for name in ["a/b", "", "../../evil", "zwei w\u{f6}rter", "a.b"] {
         for command in [&["record", "clip", "-o", "r.mcap"][..], &["watch", "clip", "--record", "r.mcap"]] {
             let done = slipbound(folder.path(), &[command, &["--finger", name]].concat());
-            assert_eq!(done.status.code(), Some(2), "{command:?} `{name}`: {}", told(&done));
-            assert!(told(&done).contains("expected 1 to 64 of A-Z a-z 0-9 _ -"), "`{name}`: {}", told(&done));
+            assert_eq!(done.status.code(), Some(2), "{command:?} `{name}`: {}", printed(&done));
+            assert!(printed(&done).contains("expected 1 to 64 of A-Z a-z 0-9 _ -"), "`{name}`: {}", printed(&done));
         }
     }
     assert!(!folder.path().join("r.mcap").exists());
     let done = slipbound(folder.path(), &["record", "clip", "-o", "r.mcap", "--finger", "Left_1-a"]);
-    assert!(done.status.success(), "{}", told(&done));
+    assert!(done.status.success(), "{}", printed(&done));
 }
 
 #[test]
@@ -207,15 +211,15 @@ fn a_source_that_is_refused_costs_no_recording() {
     let record = |sources: &[&str]| slipbound(folder.path(), &[&["record"], sources, &["-o", "r.mcap"]].concat());
     let watch = |source: &str| slipbound(folder.path(), &["watch", source, "--record", "r.mcap", "--force"]);
     for done in [record(&["clip", "nowhere.avi"]), watch("nowhere.avi")] {
-        assert!(done.status.code() == Some(2) && told(&done).contains("no such file"), "{}", told(&done));
+        assert!(done.status.code() == Some(2) && printed(&done).contains("no such file"), "{}", printed(&done));
         assert!(!folder.path().join("r.mcap").exists(), "nothing was recorded");
     }
     assert!(record(&["clip"]).status.success());
     let bytes = || fs::read(folder.path().join("r.mcap")).expect("there");
     let before = bytes();
     for done in [record(&["clip", "nowhere.avi"]), watch("nowhere.avi")] {
-        assert_eq!(done.status.code(), Some(2), "{}", told(&done));
-        assert!(bytes() == before, "what was there is lost: {}", told(&done));
+        assert_eq!(done.status.code(), Some(2), "{}", printed(&done));
+        assert!(bytes() == before, "what was there is lost: {}", printed(&done));
     }
     assert!(watch("clip").status.success() && bytes() != before, "and it is replaced by what is recorded");
 }
@@ -231,8 +235,8 @@ fn a_hold_that_is_refused_costs_no_recording() {
         slipbound(folder.path(), &[&["hold"], sources, &more].concat())
     };
     for done in [hold(&["clip"], "wsg50://127.0.0.1:1"), hold(&["clip", "nowhere.avi"], "dry")] {
-        assert!(matches!(done.status.code(), Some(1 | 2)), "{}", told(&done));
-        assert!(fs::read(&path).expect("there") == before, "what was there is lost: {}", told(&done));
+        assert!(matches!(done.status.code(), Some(1 | 2)), "{}", printed(&done));
+        assert!(fs::read(&path).expect("there") == before, "what was there is lost: {}", printed(&done));
     }
     // A run that begins records the frames read before, too.
     let done = hold(&["clip"], "dry");
@@ -241,7 +245,7 @@ fn a_hold_that_is_refused_costs_no_recording() {
     let names = fs::read_dir(folder.path().join("clip")).expect("there");
     let frames_count = names.filter(|entry| is_frame(&entry.as_ref().expect("read").file_name())).count();
     let rows_count = fs::read_to_string(folder.path().join("t.csv")).map_or(0, |table| table.lines().count());
-    assert_eq!(rows_count, frames_count + 1, "{}{}", told(&done), told(&after));
+    assert_eq!(rows_count, frames_count + 1, "{}{}", printed(&done), printed(&after));
 }
 
 #[test]
@@ -254,14 +258,14 @@ fn a_source_that_fails_leaves_no_recording_that_passes_as_whole() {
     let before = fs::read(&path).expect("there");
     fs::write(folder.path().join("notes.mp4"), "bring the gel\n").expect("written");
     for done in [record("notes.mp4"), watch("notes.mp4")] {
-        assert!(matches!(done.status.code(), Some(1 | 2)), "{}", told(&done));
-        assert!(fs::read(&path).expect("there") == before, "what was there is lost: {}", told(&done));
+        assert!(matches!(done.status.code(), Some(1 | 2)), "{}", printed(&done));
+        assert!(fs::read(&path).expect("there") == before, "what was there is lost: {}", printed(&done));
     }
     // The frames before it are kept, and the recording says that it is cut off.
     let both = slipbound(folder.path(), &["record", "clip", "notes.mp4", "-o", "r.mcap"]);
-    assert!(!both.status.success(), "{}", told(&both));
+    assert!(!both.status.success(), "{}", printed(&both));
     let read = slipbound(folder.path(), &["watch", "r.mcap#left", "--sensor", "clip/sensor.toml"]);
-    assert!(told(&read).contains("the recording is cut off"), "{}", told(&read));
+    assert!(printed(&read).contains("the recording is cut off"), "{}", printed(&read));
 }
 
 #[test]
@@ -276,9 +280,9 @@ fn a_recording_is_judged_with_the_sensor_file_that_goes_with_it() {
     };
     for (more, name) in [(&[][..], "own.jsonl"), (&sensor, "given.jsonl")] {
         let done = slipbound(folder.path(), &[&["watch", "rec.mcap", "--json", name], more].concat());
-        assert!(done.status.success(), "{}", told(&done));
-        let took = told(&done).contains("no --sensor given: took thumb.sensor.toml of rec.mcap");
-        assert_eq!(took, more.is_empty(), "{}", told(&done));
+        assert!(done.status.success(), "{}", printed(&done));
+        let took = printed(&done).contains("no --sensor given: took thumb.sensor.toml of rec.mcap");
+        assert_eq!(took, more.is_empty(), "{}", printed(&done));
     }
     assert_eq!(lines("own.jsonl"), lines("given.jsonl"));
 }
@@ -296,13 +300,13 @@ fn convert_writes_over_nothing_that_is_not_its_own() {
         ("run/all.mcap", "--output run/all.mcap: expected a place outside of run"),
     ] {
         let done = convert(to);
-        assert_eq!(done.status.code(), Some(2), "{to}: {}", told(&done));
-        assert!(told(&done).contains(said), "{to}: {}", told(&done));
+        assert_eq!(done.status.code(), Some(2), "{to}: {}", printed(&done));
+        assert!(printed(&done).contains(said), "{to}: {}", printed(&done));
     }
     assert_eq!(fs::read_to_string(&mine).expect("there"), "my thesis");
     for _ in 0..2 {
         let done = convert("all.mcap");
-        assert!(done.status.success(), "{}", told(&done));
+        assert!(done.status.success(), "{}", printed(&done));
     }
 }
 
@@ -326,12 +330,12 @@ fn numbers_and_options_that_mean_nothing_are_refused() {
         ("gripper wsg50://127.0.0.1:1 check-hold --low 20 --high 90", "from 5 N to 80 N per finger, got 90"),
     ] {
         let done = slipbound(folder.path(), &line.split(' ').collect::<Vec<_>>());
-        assert_eq!(done.status.code(), Some(2), "{line}: {}", told(&done));
-        assert!(told(&done).contains(said), "{line}: {}", told(&done));
+        assert_eq!(done.status.code(), Some(2), "{line}: {}", printed(&done));
+        assert!(printed(&done).contains(said), "{line}: {}", printed(&done));
     }
     assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 0, "nothing was written");
     let done = slipbound(folder.path(), &["gripper", "dry", "grasp", "20"]);
-    assert!(done.status.success(), "{}", told(&done));
+    assert!(done.status.success(), "{}", printed(&done));
 }
 
 /// The noise is that of the frames at rest; a later touch is reported, with its place.
@@ -340,8 +344,8 @@ fn a_finger_that_is_touched_later_is_not_called_untouched() {
     let folder = clip();
     let sensor = ["--sensor", "clip/sensor.toml"];
     let done = slipbound(folder.path(), &[&["doctor", "clip"], &sensor[..]].concat());
-    assert_eq!(done.status.code(), Some(1), "{}", told(&done));
-    let said = told(&done);
+    assert_eq!(done.status.code(), Some(1), "{}", printed(&done));
+    let said = printed(&done);
     assert!(said.contains("BAD   untouched: something touches the finger, from frame "), "{said}");
     let noise_px = |said: &str| -> f64 {
         let words = said.split("noise").nth(1).and_then(|rest| rest.trim_start_matches(':').split_whitespace().next());
@@ -354,13 +358,17 @@ fn a_finger_that_is_touched_later_is_not_called_untouched() {
         slipbound(folder.path(), &[&words, &sensor[..]].concat())
     };
     let done = tare("12");
-    assert_eq!(done.status.code(), Some(1), "{}", told(&done));
-    assert!(told(&done).contains("expected a finger that nothing touches in its first 12 frames"), "{}", told(&done));
+    assert_eq!(done.status.code(), Some(1), "{}", printed(&done));
+    assert!(
+        printed(&done).contains("expected a finger that nothing touches in its first 12 frames"),
+        "{}",
+        printed(&done)
+    );
     assert!(!folder.path().join("finger.rest").exists());
     let done = tare("3");
-    assert!(done.status.success(), "{}", told(&done));
+    assert!(done.status.success(), "{}", printed(&done));
     // The first frames of the press do not count as a touch yet, but most of what they move is left out.
-    assert!(noise_px(&told(&done)) < 0.1, "{}", told(&done));
+    assert!(noise_px(&printed(&done)) < 0.1, "{}", printed(&done));
 }
 
 #[test]
@@ -380,9 +388,9 @@ fn frames_of_two_sizes_are_no_good_camera() {
         fs::write(folder.path().join(format!("two/{number}.jpg")), picture).expect("written");
     }
     let done = slipbound(folder.path(), &["doctor", "two"]);
-    assert_eq!(done.status.code(), Some(1), "{}", told(&done));
+    assert_eq!(done.status.code(), Some(1), "{}", printed(&done));
     let said = "BAD   one size: 4 of 10 frames are not of 320x240";
-    assert!(told(&done).contains(said), "{}", told(&done));
+    assert!(printed(&done).contains(said), "{}", printed(&done));
 }
 
 /// However fast it is read.
@@ -392,8 +400,8 @@ fn of_a_recording_so_many_seconds_are_recorded_as_its_frames_say() {
     let recording = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/twist.avi");
     for (for_s, expected_count) in [("0.5", 16), ("1", 31)] {
         let done = slipbound(folder.path(), &["record", recording, "-o", "part.mcap", "--for-s", for_s]);
-        assert!(done.status.success(), "{}", told(&done));
+        assert!(done.status.success(), "{}", printed(&done));
         let expected = format!("part.mcap: {expected_count} frames");
-        assert!(told(&done).contains(&expected), "expected `{expected}`, got `{}`", told(&done));
+        assert!(printed(&done).contains(&expected), "expected `{expected}`, got `{}`", printed(&done));
     }
 }

@@ -9,7 +9,7 @@ fn slipbound(folder: &Path, line: &str) -> Output {
     command.current_dir(folder).args(line.split(' ')).output().expect("runs")
 }
 
-fn told(output: &Output) -> String {
+fn printed(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
@@ -18,7 +18,7 @@ fn clip() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = "press?rest_frames=3&press_s=0.1&settle_s=0.1&hold_s=0.1&grid=fast";
     let done = slipbound(folder.path(), &format!("simulate {scene} -o clip"));
-    assert!(done.status.success(), "{}", told(&done));
+    assert!(done.status.success(), "{}", printed(&done));
     fs::write(folder.path().join("notes"), "mine").expect("written");
     folder
 }
@@ -36,7 +36,7 @@ fn a_recording_has_the_name_of_one() {
         (&format!("{hold} --record=r.jsonl"), "--record r.jsonl: expected a FILE.mcap"),
     ] {
         let done = slipbound(folder.path(), line);
-        assert!(done.status.code() == Some(2) && told(&done).contains(said), "{line}: {}", told(&done));
+        assert!(done.status.code() == Some(2) && printed(&done).contains(said), "{line}: {}", printed(&done));
     }
     assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 2, "nothing was written");
 }
@@ -57,7 +57,7 @@ fn what_cannot_be_written_is_a_failure_told_by_its_path() {
     ] {
         let done = slipbound(folder.path(), line);
         let said = format!("{place}: cannot write: ");
-        assert!(done.status.code() == Some(1) && told(&done).contains(&said), "{line}: {}", told(&done));
+        assert!(done.status.code() == Some(1) && printed(&done).contains(&said), "{line}: {}", printed(&done));
     }
 }
 
@@ -66,16 +66,16 @@ fn what_cannot_be_written_is_a_failure_told_by_its_path() {
 fn a_page_that_cannot_be_written_is_told_of_before_the_first_frame() {
     let folder = clip();
     let done = slipbound(folder.path(), "watch clip --report nowhere/page.html --json lines.jsonl");
-    assert!(done.status.code() == Some(1), "{}", told(&done));
+    assert!(done.status.code() == Some(1), "{}", printed(&done));
     assert!(
-        told(&done).contains("nowhere/page.html: cannot write: ") && !told(&done).contains("frames"),
+        printed(&done).contains("nowhere/page.html: cannot write: ") && !printed(&done).contains("frames"),
         "{}",
-        told(&done)
+        printed(&done)
     );
     let lines = fs::read_to_string(folder.path().join("lines.jsonl")).unwrap_or_default();
     assert!(lines.lines().count() <= 1, "{lines}");
     let done = slipbound(folder.path(), "watch clip --report page.html");
-    assert!(done.status.success(), "{}", told(&done));
+    assert!(done.status.success(), "{}", printed(&done));
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn files_and_folders_of_somebody_else_stay() {
         ("emulate wsg50 --log notes", "--log: expected a new file, or one that slipbound wrote, got notes"),
     ] {
         let done = slipbound(folder.path(), line);
-        assert!(done.status.code() == Some(2) && told(&done).contains(said), "{line}: {}", told(&done));
+        assert!(done.status.code() == Some(2) && printed(&done).contains(said), "{line}: {}", printed(&done));
     }
     for name in ["notes", "mine/report.html", "mine/paper.html"] {
         assert_eq!(fs::read_to_string(folder.path().join(name)).expect("there"), "mine", "{name}");
@@ -117,8 +117,12 @@ fn a_name_that_leads_nowhere_is_told_what_to_do() {
         ("replay notes", "notes: expected the folder of a run, got a file"),
     ] {
         let done = slipbound(folder.path(), line);
-        assert!(done.status.code() == Some(2) && told(&done).contains(said), "{line}: {}", told(&done));
+        assert!(done.status.code() == Some(2) && printed(&done).contains(said), "{line}: {}", printed(&done));
     }
     let done = slipbound(folder.path(), "scenes ramp");
-    assert!(told(&done).contains("see `slipbound scenes`") && !told(&done).contains("see below"), "{}", told(&done));
+    assert!(
+        printed(&done).contains("see `slipbound scenes`") && !printed(&done).contains("see below"),
+        "{}",
+        printed(&done)
+    );
 }

@@ -15,8 +15,8 @@
 use slipbound::monitor::{FEATURES_COUNT, SLIDE_FEATURES_COUNT};
 use slipbound_lab::eval::EvalError;
 use slipbound_lab::fit::{
-    BODY, LeftOut, Row, fitted, fitted_without, gross_rows_of, gross_table, kept, lessons, read_rows, rows_of,
-    write_rows,
+    LeftOut, RANDOM_SHAPE, Row, fitted, fitted_without, gross_rows_of, gross_table, kept, read_rows, rows_of,
+    target_names, write_rows,
 };
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -49,14 +49,14 @@ fn simulate<T: Send>(from: u64, trials_count: u64, of: impl Fn(u64) -> Result<T,
 }
 
 /// Mean error and stated error, by the estimated value. `of` converts a target to a fraction.
-fn errors(name: &str, told: &[LeftOut], of: impl Fn(f64) -> f64) {
+fn errors(name: &str, held_out: &[LeftOut], of: impl Fn(f64) -> f64) {
     for (from, to) in [(-1.0, 9.0), (-1.0, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 9.0)] {
         let (mut weights, mut bias, mut error, mut stated) = (0.0, 0.0, 0.0, 0.0);
-        for LeftOut { row, said, error: own } in told {
-            if (from..to).contains(&of(*said)) {
-                let off = of(*said) - of(row.targets[0]);
+        for LeftOut { row, prediction, error: own } in held_out {
+            if (from..to).contains(&of(*prediction)) {
+                let off = of(*prediction) - of(row.targets[0]);
                 (weights, bias, error) = (weights + 1.0, bias + off, error + off.abs());
-                stated += (of(said + own) - of(said - own)) / 2.0;
+                stated += (of(prediction + own) - of(prediction - own)) / 2.0;
             }
         }
         println!(
@@ -74,7 +74,7 @@ fn verdicts(name: &str, rows: &[Row], likely: &[f64]) {
     let trials: Vec<Vec<(&Row, f64)>> = rows
         .iter()
         .zip(likely.iter().copied())
-        .filter(|(row, _)| row.object != BODY)
+        .filter(|(row, _)| row.object != RANDOM_SHAPE)
         .collect::<Vec<_>>()
         .chunk_by(|(a, _), (b, _)| a.trial == b.trial)
         .map(<[_]>::to_vec)
@@ -108,7 +108,7 @@ fn table(mut new: impl FnMut(&str) -> Option<String>, old: &str) -> Result<Strin
         let trees = new(name).or_else(|| kept(old, name));
         trees.ok_or_else(|| format!("--keep: expected a table with the trees of {name}"))
     };
-    lessons().into_iter().map(of).collect()
+    target_names().into_iter().map(of).collect()
 }
 
 /// A table for each object, fitted to the rows of all others; stated errors remain those of the old one.
@@ -157,9 +157,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             write_rows(path, &rows)?;
             rows
         };
-        let only = option("--only").map_or(lessons().to_vec(), |names| names.split(',').collect());
-        if let Some(name) = only.iter().find(|name| !lessons().contains(name)) {
-            return Err(format!("--only: expected some of {}, got {name}", lessons().join(",")).into());
+        let only = option("--only").map_or(target_names().to_vec(), |names| names.split(',').collect());
+        if let Some(name) = only.iter().find(|name| !target_names().contains(name)) {
+            return Err(format!("--only: expected some of {}, got {name}", target_names().join(",")).into());
         }
         let old = option("--keep").map_or(Ok(String::new()), std::fs::read_to_string)?;
         if let Some(folder) = option("--without") {
@@ -167,9 +167,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         println!("{} rows; of objects left out:", rows.len());
         let mut fitted = fitted(&rows, &only);
-        for (name, _, told) in &fitted {
+        for (name, _, held_out) in &fitted {
             // The target is a logarithm if the grip force is known.
-            errors(name, told, if *name == "used" { libm::exp } else { |value| value });
+            errors(name, held_out, if *name == "used" { libm::exp } else { |value| value });
         }
         let of = |name: &str| {
             fitted.iter_mut().find(|(fitted, ..)| *fitted == name).map(|(_, text, _)| std::mem::take(text))

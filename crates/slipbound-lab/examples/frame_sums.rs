@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut frames_count = 0;
         while world.advance()?.is_some() {
             frames_count += 1;
-            world.photograph(&mut jpeg)?;
+            world.render_jpeg(&mut jpeg)?;
             pictures = fnv(pictures, &jpeg);
             truths = fnv(truths, serde_json::to_string(world.truth())?.as_bytes());
         }

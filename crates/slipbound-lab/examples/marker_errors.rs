@@ -49,7 +49,7 @@ impl Pressed {
 }
 
 /// JPEG at `quality`, or none at all.
-fn photograph(camera: &mut Renderer, surface: &Surface, seed: u64, quality: Option<u8>) -> Result<Vec<u8>, Failure> {
+fn render_frame(camera: &mut Renderer, surface: &Surface, seed: u64, quality: Option<u8>) -> Result<Vec<u8>, Failure> {
     let size = camera.size();
     let mut rgb = vec![0; 3 * size.area()];
     camera.render(surface, seed, &mut rgb);
@@ -98,13 +98,13 @@ fn errors(
     let mut builder = RestBuilder::new(&sensor, &method, camera.size())?;
     let untouched = Pressed::by(None::<Sphere>, 0.0, Vec2::ZERO)?;
     for i in 0..10 {
-        let rgb = photograph(&mut camera, &untouched[0].surface(), 100 + i, quality)?;
+        let rgb = render_frame(&mut camera, &untouched[0].surface(), 100 + i, quality)?;
         builder.add(&Frame { pixels: Pixels::Rgb(Rgb::new(&rgb, camera.size())?), seq: i, time_ns: None })?;
     }
     let mut monitor = SlipMonitor::new(&sensor, &method, builder.build(RestKind::Unloaded)?)?;
     let (mut pressed, mut last) = (Vec::new(), Vec::new());
     for (i, frame) in frames.iter().enumerate() {
-        let rgb = photograph(&mut camera, &frame.surface(), i as u64, quality)?;
+        let rgb = render_frame(&mut camera, &frame.surface(), i as u64, quality)?;
         let time_ns = rate_hz.map(|hz| (i as u64 + 1) * 1_000_000_000 / hz);
         let picture = Frame { pixels: Pixels::Rgb(Rgb::new(&rgb, camera.size())?), seq: i as u64, time_ns };
         monitor.step(&picture, None);

@@ -46,4 +46,4 @@ pub use truth::{Displacement, Event, Events, GROSS_FRICTION_FRACTION, LINEAR_STR
 pub(crate) use half_space::half_space_response;
 pub(crate) use normal::Normal;
 pub(crate) use response::Response;
-pub(crate) use tangential::{OneSurface, Question, Tangential};
+pub(crate) use tangential::{OneSurface, Tangential, TangentialProblem};

@@ -11,11 +11,11 @@
 
 pub mod clips;
 pub mod coverage;
+pub mod custom_detector;
 mod digest;
 mod error;
-pub(crate) mod facts;
 pub mod folder;
-pub mod guest;
+pub(crate) mod ground_truth;
 pub mod lifts;
 pub mod outcome;
 mod protocol;
@@ -33,7 +33,7 @@ pub mod watch;
 pub mod wriggles;
 
 pub use error::{EvalError, FolderError, SweepError};
-pub use facts::Facts;
+pub use ground_truth::GroundTruth;
 pub use outcome::Outcome;
 pub use protocol::Protocol;
 pub use record::{RecordLineError, TrialRecord};

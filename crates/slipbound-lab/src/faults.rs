@@ -11,8 +11,8 @@
 
 mod camera;
 mod frames;
+mod image;
 mod paint;
-mod picture;
 
 pub use camera::{CameraFault, CameraFaultError, CameraFaultKind, CameraFaults};
 pub use frames::{Faults, Faulty};

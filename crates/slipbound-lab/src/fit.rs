@@ -9,15 +9,15 @@
 //! A table is evaluated on held-out objects: [`left_out`] fits once for every object without that object. The errors
 //! found there are the stated errors of the shipped estimates.
 
-mod bodies;
 mod boosting;
 mod gross_rows;
+mod random_shapes;
 mod row;
 mod split;
 
-pub use bodies::BODY;
 pub use boosting::{Ensemble, Fitting, Loss};
 pub use gross_rows::gross_rows_of;
+pub use random_shapes::RANDOM_SHAPE;
 pub use row::{Row, RowError, read_rows, write_rows};
 pub use split::{TRAINING_SEED, rows_of, training_trial};
 
@@ -78,8 +78,8 @@ fn alone_stick(row: &Row) -> Option<Row> {
 }
 
 /// The ensembles of the table by name, each with the function from a row to the row whose first target it fits.
-type Lesson = (&'static str, fn(&Row) -> Option<Row>);
-const LESSONS: [Lesson; 4] =
+type Target = (&'static str, fn(&Row) -> Option<Row>);
+const TARGETS: [Target; 4] =
     [("used", used), ("stick", stick), ("alone_used", alone_used), ("alone_stick", alone_stick)];
 
 /// Predictions for every row by trees fitted without the row's object.
@@ -103,49 +103,53 @@ pub struct LeftOut {
     /// The row; its first target is the true value.
     pub row: Row,
     /// The prediction.
-    pub said: f64,
+    pub prediction: f64,
     /// The stated mean error.
     pub error: f64,
 }
 
-fn taught(name: &str, rows: &[Row]) -> (String, Vec<LeftOut>) {
+fn fit_with_errors(name: &str, rows: &[Row]) -> (String, Vec<LeftOut>) {
     let target = |row: &Row| [row.targets[0]];
-    let said = left_out(rows, target, &VALUES);
-    let off = |(row, [said]): (&Row, &[f64; 1])| Row { targets: [(row.targets[0] - said).abs(), 0.0], ..row.clone() };
-    let errors: Vec<Row> = rows.iter().zip(&said).map(off).collect();
+    let predictions = left_out(rows, target, &VALUES);
+    let off = |(row, [prediction]): (&Row, &[f64; 1])| Row {
+        targets: [(row.targets[0] - prediction).abs(), 0.0],
+        ..row.clone()
+    };
+    let errors: Vec<Row> = rows.iter().zip(&predictions).map(off).collect();
     let stated = left_out(&errors, target, &ERRORS);
     let [values, errors] = [Ensemble::fit(rows, target, &VALUES), Ensemble::fit(&errors, target, &ERRORS)];
-    let told = |((row, [said]), [error]): ((&Row, [f64; 1]), [f64; 1])| LeftOut { row: row.clone(), said, error };
-    let told = rows.iter().zip(said).zip(stated).map(told).collect();
-    (values.written(name) + &errors.written(&format!("{name}_error")), told)
+    let held_out =
+        |((row, [prediction]), [error]): ((&Row, [f64; 1]), [f64; 1])| LeftOut { row: row.clone(), prediction, error };
+    let held_out = rows.iter().zip(predictions).zip(stated).map(held_out).collect();
+    (values.written(name) + &errors.written(&format!("{name}_error")), held_out)
 }
 
 /// Names of the targets: the logarithm of the used fraction, the stick ratio, and used fraction and stick ratio without
 /// the grip force.
-pub fn lessons() -> [&'static str; 4] {
-    LESSONS.map(|(name, _)| name)
+pub fn target_names() -> [&'static str; 4] {
+    TARGETS.map(|(name, _)| name)
 }
 
 /// The trees of some targets with their errors, in the format that `slipbound` reads, and their held-out predictions.
 pub fn fitted(rows: &[Row], names: &[&str]) -> Vec<(&'static str, String, Vec<LeftOut>)> {
-    let chosen = LESSONS.into_iter().filter(|(name, _)| names.contains(name));
+    let chosen = TARGETS.into_iter().filter(|(name, _)| names.contains(name));
     std::thread::scope(|scope| {
-        let threads = chosen.map(|(name, lesson)| {
-            let rows: Vec<Row> = rows.iter().filter_map(lesson).collect();
-            (name, scope.spawn(move || taught(name, &rows)))
+        let threads = chosen.map(|(name, target)| {
+            let rows: Vec<Row> = rows.iter().filter_map(target).collect();
+            (name, scope.spawn(move || fit_with_errors(name, &rows)))
         });
         let threads: Vec<_> = threads.collect();
         // A panic of a thread ends this thread too.
-        let told = threads.into_iter().map(|(name, thread)| (name, thread.join().expect("no panic")));
-        told.map(|(name, (text, told))| (name, text, told)).collect()
+        let fits = threads.into_iter().map(|(name, thread)| (name, thread.join().expect("no panic")));
+        fits.map(|(name, (text, held_out))| (name, text, held_out)).collect()
     })
 }
 
 /// The trees of a target fitted to the rows of all objects but one, with the stated errors of `old`. None if there is
 /// no such target, or if `old` has no errors for it.
 pub fn fitted_without(rows: &[Row], object: &str, name: &str, old: &str) -> Option<String> {
-    let (_, lesson) = LESSONS.into_iter().find(|(known, _)| *known == name)?;
-    let others: Vec<Row> = rows.iter().filter(|row| row.object != object).filter_map(lesson).collect();
+    let (_, target) = TARGETS.into_iter().find(|(known, _)| *known == name)?;
+    let others: Vec<Row> = rows.iter().filter(|row| row.object != object).filter_map(target).collect();
     let trees = Ensemble::fit(&others, |row| [row.targets[0]], &VALUES).written(name);
     Some(trees + &section(old, &[&format!("{name}_error")])?)
 }
@@ -206,9 +210,9 @@ mod tests {
     fn at_a_given_load_the_friction_is_even_by_its_logarithm() {
         let mus = (0..400).map(|i| 0.2 * libm::pow(1.3 / 0.2, (f64::from(i) + 0.5) / 400.0));
         let ramps = mus.flat_map(|mu| (1..=200).map(move |step| row(mu, f64::from(step) / 200.0, 0.1)));
-        let lessons: Vec<Row> = ramps.filter_map(|row| used(&row)).collect();
+        let fitted_rows: Vec<Row> = ramps.filter_map(|row| used(&row)).collect();
         let (mut weights, mut logs, mut plain, mut count) = (0.0, 0.0, 0.0, 0.0);
-        for row in lessons.iter().filter(|row| (0.14..0.16).contains(&row.features[LOAD])) {
+        for row in fitted_rows.iter().filter(|row| (0.14..0.16).contains(&row.features[LOAD])) {
             let log_mu = libm::log(0.6 * row.features[LOAD] / libm::exp(row.targets[0]));
             (weights, logs) = (weights + row.weight, logs + row.weight * log_mu);
             (plain, count) = (plain + log_mu, count + 1.0);
@@ -226,15 +230,15 @@ mod tests {
     }
 
     #[test]
-    fn a_lesson_hides_what_it_is_not_to_rest_on() {
+    fn a_target_hides_what_it_is_not_to_rest_on() {
         assert!(used(&row(0.5, 0.01, 0.1)).is_none() && used(&row(0.5, 0.6, 0.1)).is_some(), "nothing pulls");
-        let fast = used(&row(0.5, 0.6, 0.4)).expect("a lesson");
-        assert_eq!(fast, used(&row(0.5, 0.6, 0.01)).expect("a lesson"), "the pace of a load");
+        let fast = used(&row(0.5, 0.6, 0.4)).expect("a row");
+        assert_eq!(fast, used(&row(0.5, 0.6, 0.01)).expect("a row"), "the pace of a load");
         assert!((fast.targets[0] - libm::log(0.6)).abs() < 1e-12);
-        let without = alone_used(&row(0.5, 0.6, 0.4)).expect("a lesson");
+        let without = alone_used(&row(0.5, 0.6, 0.4)).expect("a row");
         assert_eq!(without.features[GEOMETRIC_COUNT..], [0.0; FEATURES_COUNT - GEOMETRIC_COUNT]);
         assert_eq!((without.targets[0], without.features[MOVING]), (0.6, 0.4));
-        let taught = [stick(&row(0.5, 0.6, 0.4)), alone_stick(&row(0.5, 0.6, 0.4))].map(|row| row.expect("a lesson"));
-        assert_eq!(taught.map(|row| row.targets[0]), [0.7, 0.7]);
+        let rows = [stick(&row(0.5, 0.6, 0.4)), alone_stick(&row(0.5, 0.6, 0.4))].map(|row| row.expect("a row"));
+        assert_eq!(rows.map(|row| row.targets[0]), [0.7, 0.7]);
     }
 }

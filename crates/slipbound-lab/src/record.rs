@@ -121,7 +121,7 @@ pub fn record(
     let mut world = World::new(trial)?;
     make_empty(&folder.join("rest"), folder)?;
     let mut rest = Vec::new();
-    world.photograph_rest(&mut rest).map_err(|source| RecordError::Frame { frame: 0, source })?;
+    world.render_rest(&mut rest).map_err(|source| RecordError::Frame { frame: 0, source })?;
     write(&folder.join("rest/rest.jpg"), &rest)?;
     write_toml(&folder.join("sensor.toml"), &world.sensor())?;
     let file = SceneFile { software_version: env!("CARGO_PKG_VERSION").into(), trial: trial.clone() };

@@ -187,7 +187,7 @@ impl Renderer {
     }
 
     /// Light of a row, without blur and noise, into `ideal`.
-    fn shine(&mut self, y: usize) {
+    fn illuminate(&mut self, y: usize) {
         let width = self.size().width;
         let light_levels = &self.light_levels[3 * y * width..][..3 * width];
         let span = self.spans[y].clone();
@@ -219,7 +219,7 @@ impl Renderer {
         let line = 3 * width;
         for below in 0..height + 2 {
             if below < height {
-                self.shine(below);
+                self.illuminate(below);
                 let softened = self.softened[below % 5].chunks_exact_mut(width);
                 for (ideal, softened) in self.ideal.chunks_exact(width).zip(softened) {
                     rows::blurred_along(ideal, self.blur, softened);
@@ -233,7 +233,7 @@ impl Renderer {
             if keep {
                 self.still_levels[y * line..][..line].copy_from_slice(&self.levels);
             }
-            self.read_out(&mut random, &mut rgb[y * line..][..line]);
+            self.add_sensor_noise(&mut random, &mut rgb[y * line..][..line]);
         }
         self.stick(rgb);
     }
@@ -244,13 +244,13 @@ impl Renderer {
         let line = 3 * self.size().width;
         for (y, out) in rgb.chunks_exact_mut(line).enumerate() {
             self.levels.copy_from_slice(&self.still_levels[y * line..][..line]);
-            self.read_out(&mut random, out);
+            self.add_sensor_noise(&mut random, out);
         }
         self.stick(rgb);
     }
 
     /// The row of `levels` with the noise of the sensor.
-    fn read_out(&mut self, random: &mut Random, rgb: &mut [u8]) {
+    fn add_sensor_noise(&mut self, random: &mut Random, rgb: &mut [u8]) {
         let (width, noise_levels) = (self.size().width, self.settings.noise_levels as f32);
         let start = random.next_u64() as usize % (NOISE_COUNT - 3 * width);
         let colours = self.levels.chunks_exact(width).zip(self.bytes.chunks_exact_mut(width));

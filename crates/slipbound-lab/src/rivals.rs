@@ -24,7 +24,7 @@ pub use displacement::Displacement;
 pub use entropy::Entropy;
 pub use imprint::Imprint;
 pub use load::Load;
-pub use ours::{Ours, Said, said};
+pub use ours::{Ours, ReportEstimates, estimates_of};
 pub use paper::{Paper, PaperAsWritten};
 
 use slipbound::monitor::Settings;

@@ -18,8 +18,8 @@ mod physics;
 mod truth;
 
 pub use crate::contact::GROSS_FRICTION_FRACTION;
+pub(crate) use gross::FULL_SLIP_STICK_RATIO;
 pub use gross::Gross;
-pub(crate) use gross::STICKS_HARDLY;
 pub(crate) use gross::Sliding;
 pub use physics::Physics;
 pub use truth::{FrameTruth, SlipTruth, TRUTH_FORMAT_VERSION, TimedEvent, TruthHeader, complete, runs, unpacked};
@@ -188,26 +188,26 @@ impl World {
     }
 
     /// The image of the frame that [`World::advance`] reached, as an encoded JPEG.
-    pub fn photograph(&mut self, jpeg: &mut Vec<u8>) -> Result<(), SourceError> {
-        self.photograph_with(Random::of(self.trial.seed, self.truth.frame).next_u64(), jpeg)
+    pub fn render_jpeg(&mut self, jpeg: &mut Vec<u8>) -> Result<(), SourceError> {
+        self.render_jpeg_with(Random::of(self.trial.seed, self.truth.frame).next_u64(), jpeg)
     }
 
     /// Another image of the finger at rest, with its own noise. Before the first frame only: it shows the gel in its
     /// present state.
-    pub fn photograph_rest(&mut self, jpeg: &mut Vec<u8>) -> Result<(), SourceError> {
-        self.photograph_with(Random::of(self.trial.seed, u64::MAX).next_u64(), jpeg)
+    pub fn render_rest(&mut self, jpeg: &mut Vec<u8>) -> Result<(), SourceError> {
+        self.render_jpeg_with(Random::of(self.trial.seed, u64::MAX).next_u64(), jpeg)
     }
 
     /// Another image of the finger in its present state, with its own noise drawn from `seed`, into `into`; its number
     /// and time are the caller's.
-    pub fn photograph_again(&mut self, seed: u64, into: &mut FrameBuffer) -> Result<(), SourceError> {
-        self.photograph_with(Random::of(self.trial.seed, seed).next_u64(), &mut into.encoded)?;
+    pub fn render_again(&mut self, seed: u64, into: &mut FrameBuffer) -> Result<(), SourceError> {
+        self.render_jpeg_with(Random::of(self.trial.seed, seed).next_u64(), &mut into.encoded)?;
         into.clock = Clock::Device;
         into.label.clear();
         self.codec.decode(into)
     }
 
-    fn photograph_with(&mut self, seed: u64, jpeg: &mut Vec<u8>) -> Result<(), SourceError> {
+    fn render_jpeg_with(&mut self, seed: u64, jpeg: &mut Vec<u8>) -> Result<(), SourceError> {
         let grid = self.grid();
         let surface =
             Surface { grid: &grid, displacement: &self.displacement, pressure_mpa: self.finger.pressure_mpa() };
@@ -359,7 +359,7 @@ impl FrameSource for World {
         if self.advance()?.is_none() {
             return Ok(Next::End);
         }
-        self.photograph(&mut into.encoded)?;
+        self.render_jpeg(&mut into.encoded)?;
         into.seq = self.truth.frame;
         into.time_ns = Some(self.truth.time_ns);
         into.clock = Clock::Device;

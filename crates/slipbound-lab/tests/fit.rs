@@ -1,7 +1,7 @@
 //! Training data of the trees of the estimates and of gross slip: rows of simulated trials with the ground truth of
 //! each frame.
 
-use slipbound_lab::fit::{BODY, Row, gross_rows_of, rows_of};
+use slipbound_lab::fit::{RANDOM_SHAPE, Row, gross_rows_of, rows_of};
 use slipbound_lab::objects::OBJECTS;
 
 /// Trials of the split: a guided slide of a named object, and of a random shape; a ramp to gross slip of a random
@@ -30,7 +30,7 @@ fn rows_of_gross_slip_say_when_the_object_slides_and_hold_whose_it_is() {
                 assert!(if label == 1.0 { used == 1.0 } else { used < 0.8 }, "trial {number}: {:?}", row.targets);
                 assert_eq!(row.trial, number);
                 match number >= 2000 {
-                    true => assert_eq!(row.object, BODY, "trial {number}"),
+                    true => assert_eq!(row.object, RANDOM_SHAPE, "trial {number}"),
                     false => assert!(OBJECTS.iter().any(|object| object.name == row.object), "trial {number}"),
                 }
             }
@@ -44,7 +44,7 @@ fn rows_of_gross_slip_say_when_the_object_slides_and_hold_whose_it_is() {
 
 #[test]
 fn rows_of_the_estimates_go_from_a_contact_that_sticks_to_one_that_slides() {
-    for (number, object, weight) in [(1, "super_glue", 1.0), (2402, BODY, 0.5)] {
+    for (number, object, weight) in [(1, "super_glue", 1.0), (2402, RANDOM_SHAPE, 0.5)] {
         let rows = rows_of(number).expect("simulated");
         let (first, last) = (rows.first().expect("rows"), rows.last().expect("rows"));
         assert!(first.targets[0] < 0.1 && first.targets[1] > 0.7, "trial {number}: {:?}", first.targets);

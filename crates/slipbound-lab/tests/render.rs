@@ -53,7 +53,7 @@ impl Pressed {
 }
 
 /// Noise, then JPEG at quality 85, 4:2:2.
-fn photograph(camera: &mut Renderer, surface: &Surface, seed: u64) -> Vec<u8> {
+fn render_frame(camera: &mut Renderer, surface: &Surface, seed: u64) -> Vec<u8> {
     let size = camera.size();
     let mut rgb = vec![0; 3 * size.area()];
     camera.render(surface, seed, &mut rgb);
@@ -119,7 +119,7 @@ fn monitor(camera: &mut Renderer) -> SlipMonitor {
     let (sensor, settings, untouched) = (camera.sensor(), Settings::default(), Pressed::untouched());
     let mut builder = RestBuilder::new(&sensor, &settings, camera.size()).expect("valid");
     for i in 0..10 {
-        let rgb = photograph(camera, &untouched.surface(), 100 + i);
+        let rgb = render_frame(camera, &untouched.surface(), 100 + i);
         let pixels = Pixels::Rgb(Rgb::new(&rgb, camera.size()).expect("whole"));
         builder.add(&Frame { pixels, seq: i, time_ns: None }).expect("bright");
     }
@@ -129,7 +129,7 @@ fn monitor(camera: &mut Renderer) -> SlipMonitor {
 /// Shows the gel until the monitor reports contact.
 fn watch(monitor: &mut SlipMonitor, camera: &mut Renderer, pressed: &Pressed) {
     for i in 0..6 {
-        let rgb = photograph(camera, &pressed.surface(), i);
+        let rgb = render_frame(camera, &pressed.surface(), i);
         let pixels = Pixels::Rgb(Rgb::new(&rgb, camera.size()).expect("whole"));
         monitor.step(&Frame { pixels, seq: i, time_ns: None }, None);
     }
@@ -207,7 +207,7 @@ struct Off {
 fn off(camera: &mut Renderer, frames: &[Pressed], name: &str) -> Off {
     let mut watching = monitor(camera);
     for (i, frame) in frames.iter().enumerate() {
-        let rgb = photograph(camera, &frame.surface(), i as u64);
+        let rgb = render_frame(camera, &frame.surface(), i as u64);
         let pixels = Pixels::Rgb(Rgb::new(&rgb, camera.size()).expect("whole"));
         watching.step(&Frame { pixels, seq: i as u64, time_ns: None }, None);
     }
@@ -344,7 +344,7 @@ fn surroundings_are_as_bright_as_a_real_finger_and_leave_the_skin_alone() {
         assert_eq!(Surroundings::named(kind.name()), Some(kind));
         let mut camera = Renderer::gelslim(5).with_surroundings(kind);
         assert_eq!(camera.markers_at_rest_mm(), dots, "{}: dots of another skin", kind.name());
-        let rgb = photograph(&mut camera, &untouched.surface(), 1);
+        let rgb = render_frame(&mut camera, &untouched.surface(), 1);
         let dark = rgb.chunks_exact(3).filter(|pixel| pixel.iter().all(|&level| level < 30)).count();
         dark_share.push(dark as f64 / size.area() as f64);
         let mut outside: Vec<u8> = beside.iter().map(|i| rgb[3 * i + 1]).collect();

@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 use std::path::Path;
 
 pub use error::Error;
-pub(crate) use layer::{Layer, blame, read_most, read_most_bytes, typed};
+pub(crate) use layer::{Layer, file_of_key, read_most, read_most_bytes, typed};
 pub use settings::{load_settings, load_task_settings, parse_settings, parse_task_settings, settings_to_toml};
 
 /// Loads another program's own TOML settings, with the same error messages.

@@ -16,13 +16,13 @@
 //! returns only the frames that were judged, so judging a recording again gives the same bits.
 
 mod annotations;
-mod book;
 mod cdr;
 mod convert;
 mod db3;
+mod deferred_truncation;
 mod foxglove;
 mod frame_record;
-mod late_file;
+mod mcap_writer;
 mod observer;
 mod pictures;
 mod reader;

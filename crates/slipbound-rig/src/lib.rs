@@ -16,7 +16,7 @@
 //! | the control loop in real time | [`realtime`] |
 //! | recordings in one file: frames as they came, reports, settings | `container` |
 //! | run folder and page of a closed loop, and its replay | [`run`] |
-//! | a page of tables, charts and images | [`sheet`] |
+//! | a page of tables, charts and images | [`html_page`] |
 //! | grippers by their own protocols | [`gripper`] |
 //! | the arm behind the hand | [`wrist`] |
 //! | emulators of the same grippers, for tests without hardware | [`emulator`] |
@@ -50,7 +50,10 @@ pub mod config;
 pub mod container;
 pub mod devices;
 pub mod emulator;
+pub mod file_origin;
 pub mod gripper;
+pub mod html_page;
+pub mod line_file;
 pub mod link;
 pub mod overlay;
 pub mod realtime;
@@ -61,11 +64,8 @@ pub mod report_slips;
 pub mod report_summary;
 pub mod rest_file;
 pub mod run;
-pub mod sheet;
 pub mod source;
 pub mod timings;
-pub mod whole_lines;
 pub mod wrist;
-pub mod written;
 
 pub use config::sensors;

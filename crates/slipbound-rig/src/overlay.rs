@@ -18,14 +18,14 @@ mod backdrop;
 mod canvas;
 mod drawing;
 mod grid;
+mod input;
 mod palette;
 mod regions;
-mod seen;
 mod strips;
 mod writer;
 
 pub use drawing::Overlay;
 pub use grid::grid_picture;
-pub use seen::Seen;
+pub use input::OverlayInput;
 pub(crate) use writer::write_png;
 pub use writer::{Error, OverlayWriter, is_numbered};

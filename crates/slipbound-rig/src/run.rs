@@ -29,9 +29,9 @@ mod info;
 pub(crate) mod line;
 mod notes;
 mod page;
+mod page_data;
 mod recorder;
 mod replay;
-mod shown;
 mod thinned;
 mod words;
 

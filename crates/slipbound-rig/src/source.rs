@@ -39,7 +39,7 @@ mod folder;
 mod jpeg;
 mod mjpeg_http;
 mod multipart;
-mod natural;
+mod natural_sort;
 mod newest;
 mod picture;
 mod picture_size;

@@ -1,6 +1,6 @@
 //! Time that each step of the monitor takes, measured through its [`Probe`]: the only clock that times the method.
 
-use crate::whole_lines::WholeLines;
+use crate::line_file::LineFile;
 use slipbound::monitor::{Probe, SlipMonitor, SlipReport, Step};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -45,13 +45,13 @@ impl Probe for Stopwatch {
 #[derive(Debug)]
 pub struct Timings {
     path: PathBuf,
-    to: WholeLines,
+    to: LineFile,
 }
 
 impl Timings {
     /// Creates the file.
     pub fn create(path: &Path) -> io::Result<Self> {
-        Ok(Timings { path: path.to_owned(), to: WholeLines::create(path)? })
+        Ok(Timings { path: path.to_owned(), to: LineFile::create(path)? })
     }
 
     /// Its path.

@@ -123,7 +123,7 @@ fn a_cycle_that_is_lost_on_the_way_to_a_run_is_a_gap_after_which_no_frame_is_kep
     let (leave, waits) = sync_channel(0);
     let disk = SlowDisk { leave: waits, recorder };
     let told = |disk: &mut SlowDisk, count| disk.recorder.lost_cycles(count);
-    let mut queue = QueuedObserver::telling_losses(disk, DEPTH_COUNT, true, told);
+    let mut queue = QueuedObserver::reporting_losses(disk, DEPTH_COUNT, true, told);
     let cycles = screw::cycles();
     let show = |queue: &mut QueuedObserver<SlowDisk>, n: usize| {
         let frame = FrameBuffer { seq: n as u64, encoded: vec![n as u8; 3], ..FrameBuffer::default() };

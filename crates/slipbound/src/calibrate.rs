@@ -123,7 +123,7 @@ fn from_mean(frames: &[Frame<'_>], known: &KnownFacts) -> Result<Calibration, Ca
     let weighted = grey(weights);
     grid.refine(&weighted, size).ok_or(no_grid(grid.dots.len()))?;
     acceptance::accept(&grid, dots_count, &weighted, size)?;
-    grid.leave_out(OFF_GRID_PITCH).ok_or(no_grid(grid.dots.len()))?;
+    grid.reject_beyond(OFF_GRID_PITCH).ok_or(no_grid(grid.dots.len()))?;
 
     let mut sensor = facts::sensor(&grid, weights, size, known);
     sensor.check().map_err(CalibrationError::Fact)?;

@@ -225,13 +225,13 @@ impl ControlLoop {
     fn look(&mut self) -> Result<bool, ControlError> {
         // All frames are acquired first, so that they are from the same time: making a monitor from a rest frame takes
         // many frame periods.
-        self.fingers.iter_mut().for_each(FingerPipeline::await_next);
+        self.fingers.iter_mut().for_each(FingerPipeline::clear_frame);
         for finger in &mut self.fingers {
             if !finger.acquire()? {
                 return Ok(false);
             }
         }
-        self.fingers.iter_mut().try_for_each(FingerPipeline::take_in)?;
+        self.fingers.iter_mut().try_for_each(FingerPipeline::process_frame)?;
         // No finger is judged until all have a rest frame; nothing is commanded before.
         if self.fingers.iter().all(|finger| finger.monitor().is_some()) {
             self.runner.judge(&mut self.fingers, self.grip)?;
@@ -265,12 +265,13 @@ impl ControlLoop {
         // A wrist that has to stop is stopped before the grip changes.
         let motion = if self.faults.current().is_some() { PAUSE } else { step.wrist };
         let moved = wrist.command(motion).map_err(Fault::of_wrist);
-        let gripped = gripper.command(step.grip).or_else(|e| self.tolerate(e)).map_err(Fault::of_gripper);
+        let gripped =
+            gripper.command(step.grip).or_else(|e| self.ignore_refused_lowering(e)).map_err(Fault::of_gripper);
         gripped.and(moved).err()
     }
 
     /// A gripper that refuses to lower its force keeps the present one: that is no fault.
-    fn tolerate(&mut self, error: GripperError) -> Result<(), GripperError> {
+    fn ignore_refused_lowering(&mut self, error: GripperError) -> Result<(), GripperError> {
         if error.kind != GripperErrorKind::Lowering {
             return Err(error);
         }

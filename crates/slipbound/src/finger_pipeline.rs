@@ -157,7 +157,7 @@ impl FingerPipeline {
     }
 
     /// Discards the last frame, so that it is not shown twice when another finger's source fails.
-    pub(crate) fn await_next(&mut self) {
+    pub(crate) fn clear_frame(&mut self) {
         (self.next, self.report) = (Next::Silent, None);
     }
 
@@ -174,7 +174,7 @@ impl FingerPipeline {
     }
 
     /// Uses the frame for the rest frame, or keeps it to be judged.
-    pub(crate) fn take_in(&mut self) -> Result<(), ControlError> {
+    pub(crate) fn process_frame(&mut self) -> Result<(), ControlError> {
         match (&self.next, &self.monitor) {
             (Next::Frame, None) => match self.rest.take() {
                 Some(rest) => self.start_from(rest)?,

@@ -4,17 +4,17 @@ mod cell_map;
 mod contact;
 mod estimate;
 mod evidence;
+mod frame_period;
 mod gap;
 mod gross;
 mod imprint;
 mod markers;
 mod motion;
-mod pace;
-mod passed;
 mod reason_text;
 mod report;
 mod rest;
 mod rest_builder;
+mod schedule;
 mod settings;
 mod slip;
 mod trees;
@@ -80,7 +80,7 @@ pub struct SlipMonitor {
     rest_seq: u64,
     refusal: Option<Reason>,
     gap: gap::Gap,
-    pace: pace::Pace,
+    schedule: schedule::StepSchedule,
     reference_seq: u64,
     rebase_from: Option<u64>,
     in_contact_count: u32,
@@ -113,7 +113,7 @@ impl SlipMonitor {
             rest_seq: rest.seq,
             refusal: rest.refusal,
             gap: gap::Gap::default(),
-            pace: pace::Pace::new(
+            schedule: schedule::StepSchedule::new(
                 settings.contact.period_ms,
                 settings.markers.search_period_ms,
                 settings.evidence.period_ms,
@@ -134,7 +134,7 @@ impl SlipMonitor {
     /// From the next frame on, estimates used fraction and stick ratio with `trees` instead of the shipped ones: for
     /// example trees fitted without a held-out object, or to another finger.
     pub fn estimate_by(&mut self, trees: &EstimateTrees) {
-        self.estimator.go_by(trees);
+        self.estimator.set_trees(trees);
     }
 
     /// Judges one frame. Never fails: if a frame cannot be judged, the report gives the reason.
@@ -147,7 +147,7 @@ impl SlipMonitor {
         if let Some(seq) = self.rebase_from.take() {
             self.rebase(seq);
         }
-        let due = self.pace.see(frame.time_ns, self.contact.touches, self.markers.complete());
+        let due = self.schedule.see(frame.time_ns, self.contact.touches, self.markers.complete());
         if let Err(reason) = self.imprint.take(frame, due.contact || self.settings.markers.finder_needs_flat()) {
             return self.unjudged(frame.seq, frame.time_ns, grip, reason);
         }
@@ -241,7 +241,7 @@ impl SlipMonitor {
         // Deviation: D16 alarm from the estimated margin
         if self.alarmed || (self.slides && self.slip.summary.kind.is_none()) {
             let (pull, turn) = self.estimator.pull_and_turn_px3();
-            self.slip.say_load(pull, turn);
+            self.slip.set_kind_from_load(pull, turn);
         }
     }
 

@@ -34,7 +34,7 @@ mod lift;
 mod place;
 mod screw;
 mod settings;
-mod shear_watch;
+mod shear_history;
 mod step;
 mod tare;
 mod turning;

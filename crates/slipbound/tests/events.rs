@@ -4,11 +4,11 @@
 //!   .  a frame without slip     x  one with slip     o  no contact
 //! ```
 
-mod made_up;
+mod synthetic;
 
-use made_up::hand;
 use slipbound::events::{Sign, SlipEpisodes, SlipEvent, SlipEvents};
 use slipbound::monitor::{ContactReport, Estimates, MarkerCounts, SlipKind, SlipReport, SlipState, SlipSummary};
+use synthetic::hand;
 
 /// Time of a frame of the row, ns: 20 Hz, so that 0.2 s are four frames.
 const PERIOD_NS: u64 = 50_000_000;

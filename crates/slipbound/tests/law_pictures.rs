@@ -1,12 +1,12 @@
 //! Commands of a control law to gripper and arm, frame by frame, for rows of frames drawn by a test.
 
-mod made_up;
+mod synthetic;
 
-use made_up::{FRAME_NS, gripper, hand};
 use slipbound::grip::{ArmMotion, GripController, GripDecision, GripLimits, Law, MarginSettings, OnSlipSettings};
 use slipbound::hand::HandReport;
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripperState, Jaws};
+use synthetic::{FRAME_NS, gripper, hand};
 
 fn starting_with(start_n: f64) -> GripLimits {
     let mut limits = GripLimits::default();

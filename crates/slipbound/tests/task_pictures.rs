@@ -1,12 +1,12 @@
 //! Behaviour of tasks, one letter per frame: grasping, lifting, laying down.
 
-mod made_up;
+mod synthetic;
 
-use made_up::{FRAME_NS, gripper, hand};
 use slipbound::hand::{HandReport, HandVector};
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};
 use slipbound::task::{ControllerKind, Ending, Observation, Phase, TaskKind, TaskSettings};
+use synthetic::{FRAME_NS, gripper, hand};
 
 /// Phase of a lift in each frame of 33 ms: `G` grasps, `>` rises, `-` waits, `H` held, `L` lost, `N` nothing held; and
 /// the final height, mm.

@@ -1,7 +1,7 @@
 //! Actions of the node when its state changes, on request or by itself.
 
 use super::{LOOK, SlipNode, hand};
-use crate::finger_thread::Ask;
+use crate::finger_thread::FingerRequest;
 use crate::lifecycle::{State, Transition};
 use crate::tare::LONGEST_NS;
 use slipbound_rig::link::now_ns;
@@ -15,14 +15,14 @@ const LEAVE: Duration = Duration::from_millis(500);
 impl SlipNode {
     /// Answers requests for the state, and executes requested transitions.
     pub(super) fn serve_states(&mut self) {
-        self.joined.managed.answer(&self.lifecycle);
-        while let Some((id, asked)) = self.joined.managed.request() {
-            match self.lifecycle.request(asked.id, &asked.label) {
+        self.network.managed.answer(&self.lifecycle);
+        while let Some((id, requested)) = self.network.managed.request() {
+            match self.lifecycle.request(requested.id, &requested.label) {
                 Some(begun) => {
-                    (self.asked, self.starts_itself) = (Some((id, now_ns())), false);
+                    (self.transition_request, self.starts_itself) = (Some((id, now_ns())), false);
                     self.begin(begun);
                 }
-                None => self.joined.managed.done(id, false),
+                None => self.network.managed.done(id, false),
             }
         }
         self.settle();
@@ -33,26 +33,27 @@ impl SlipNode {
         self.lifecycle.state() == State::Active
     }
 
-    pub(super) fn say_state(&self) {
-        self.joined.managed.say(self.lifecycle.state());
+    pub(super) fn publish_state(&self) {
+        self.network.managed.publish_state(self.lifecycle.state());
     }
 
     /// Proceeds, and publishes it, once the rest frames are known or the wait is over.
     pub(super) fn settle(&mut self) {
         let has_rest = self.fingers.iter().all(|finger| finger.has_rest);
-        let is_late = self.asked.is_some_and(|(_, since_ns)| now_ns().saturating_sub(since_ns) >= LONGEST_NS);
+        let is_late =
+            self.transition_request.is_some_and(|(_, since_ns)| now_ns().saturating_sub(since_ns) >= LONGEST_NS);
         // A node that starts itself proceeds without a missing camera: the hand is blind for that finger.
         let waited = self.rest_since_ns.is_some_and(|since_ns| now_ns().saturating_sub(since_ns) >= LONGEST_NS);
         match self.lifecycle.state() {
             State::Unconfigured if self.starts_itself && (has_rest || waited) => {
                 for label in ["configure", "activate"] {
                     if let Some(begun) = self.lifecycle.request(0, label) {
-                        self.joined.managed.tell(begun);
+                        self.network.managed.publish_transition(begun);
                         self.end(true);
                     }
                 }
                 self.starts_itself = false;
-                self.say_state();
+                self.publish_state();
             }
             State::Configuring if has_rest => self.finish(true),
             State::Configuring if is_late => self.finish(false),
@@ -61,11 +62,11 @@ impl SlipNode {
     }
 
     fn begin(&mut self, begun: Transition) {
-        self.joined.managed.tell(begun);
+        self.network.managed.publish_transition(begun);
         if begun.goal == State::Configuring {
             self.shared.publishes.store(self.publishes(), Ordering::Relaxed);
-            self.ask_fingers(Ask::Look);
-            self.say_state();
+            self.send_to_fingers(FingerRequest::Look);
+            self.publish_state();
         } else {
             self.finish(true);
         }
@@ -74,9 +75,9 @@ impl SlipNode {
     /// Ends the transition in progress, publishes the result, and answers.
     fn finish(&mut self, is_well: bool) {
         self.end(is_well);
-        self.say_state();
-        if let Some((id, _)) = self.asked.take() {
-            self.joined.managed.done(id, is_well);
+        self.publish_state();
+        if let Some((id, _)) = self.transition_request.take() {
+            self.network.managed.done(id, is_well);
         }
     }
 
@@ -86,13 +87,13 @@ impl SlipNode {
         if ended.goal == State::Unconfigured {
             self.forget();
         }
-        self.joined.managed.tell(ended);
+        self.network.managed.publish_transition(ended);
     }
 
     /// Forgets the rest frames and everything based on them; a tare in progress ends.
     fn forget(&mut self) {
         self.forgotten_count += 1;
-        self.ask_fingers(Ask::Forget);
+        self.send_to_fingers(FingerRequest::Forget);
         for (place, finger) in self.fingers.iter_mut().enumerate() {
             finger.has_rest = false;
             if let Some(tare) = &mut self.tare {
@@ -106,9 +107,9 @@ impl SlipNode {
         self.fresh_since_ns = None;
     }
 
-    fn ask_fingers(&self, ask: Ask) {
+    fn send_to_fingers(&self, request: FingerRequest) {
         for finger in &self.fingers {
-            let _ = finger.asks.send(ask); // a panicked thread does not answer: `settle` stops waiting
+            let _ = finger.requests.send(request); // a panicked thread does not answer: `settle` stops waiting
         }
     }
 

@@ -8,7 +8,7 @@ use crate::emulated::{EmulatedActuators, EmulatedGripper, LinkFaults};
 use crate::interruption;
 use crate::loopback::Loopback;
 use crate::outcome::{Failure, Outcome};
-use crate::run_output::{RunOutput, Tally};
+use crate::run_output::{RunOutput, RunScorer};
 use anyhow::anyhow;
 use slipbound::control::{CycleObserver, CycleView};
 use slipbound::monitor::Settings;
@@ -29,7 +29,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// The outcome of a run: its score, its last time in ns, what the task was doing then, and what it waited for.
-type Ran = (anyhow::Result<()>, RunScore, u64, Option<Phase>, Option<Missing>);
+type RunOutcome = (anyhow::Result<()>, RunScore, u64, Option<Phase>, Option<Missing>);
 
 /// What the task was doing last.
 #[derive(Default)]
@@ -128,10 +128,10 @@ impl Demo {
         let (ran, score, now_ns, phase, missing) = match self.emulated.as_ref().filter(|_| self.sockets) {
             Some(emulated) => {
                 let loopback = Loopback::start(&scene, &settings, &monitor, self.fault, emulated, &faults)?;
-                let (mut queued, mut tally) = (output.queued(keeps_frames), Tally::default());
-                let (ran, missing) = loopback.run(&stop, &mut queued, &mut tally);
+                let (mut queued, mut scorer) = (output.queued(keeps_frames), RunScorer::default());
+                let (ran, missing) = loopback.run(&stop, &mut queued, &mut scorer);
                 output = queued.finish();
-                (ran, tally.score, now_ns(), tally.phase, missing)
+                (ran, scorer.score, now_ns(), scorer.phase, missing)
             }
             None => self.in_lock_step(&scene, lockstep, &faults, &stop, &mut output)?,
         };
@@ -168,7 +168,7 @@ impl Demo {
         faults: &LinkFaults,
         stop: &AtomicBool,
         output: &mut RunOutput,
-    ) -> Result<Ran, Failure> {
+    ) -> Result<RunOutcome, Failure> {
         let mut lockstep = lockstep.with_runner(Box::new(MonitorWorkers::new()));
         if let Some(emulated) = &self.emulated {
             let actuators = EmulatedActuators::new(lockstep.hand(), scene.width_mm(), emulated, faults);

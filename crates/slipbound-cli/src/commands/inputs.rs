@@ -2,8 +2,8 @@
 
 use crate::outcome::Failure;
 use anyhow::anyhow;
+use slipbound_rig::file_origin;
 use slipbound_rig::source::{image_files, mcap_file};
-use slipbound_rig::written;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
@@ -43,7 +43,7 @@ pub fn refuse_within(option: &str, path: &Path, folder: &Path) -> Result<(), Fai
 
 /// Refuses an existing file that we did not write.
 pub fn refuse_foreign(option: &str, file: &Path) -> Result<(), Failure> {
-    match file.is_file() && !written::is_ours(file).unwrap_or(false) {
+    match file.is_file() && !file_origin::is_own_file(file).unwrap_or(false) {
         false => Ok(()),
         true => {
             let file = file.display();

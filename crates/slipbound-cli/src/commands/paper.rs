@@ -16,7 +16,7 @@ use crate::terminal::Terminal;
 use slipbound_lab::eval::folder::{self, Shard, SweepFolder};
 use slipbound_lab::eval::{Protocol, Sweep, SweepError, simulated, table};
 use slipbound_lab::rivals::{DETECTORS, Entry};
-use slipbound_rig::sheet::{Part, Sheet};
+use slipbound_rig::html_page::{HtmlPage, Part};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -53,7 +53,7 @@ impl Paper {
         parts.extend(steps::failing()?);
         parts.push(Part::Heading("Tasks".into()));
         parts.extend(tasks::all(self.seed, &stop)?);
-        let sheet = Sheet {
+        let html_page = HtmlPage {
             above: "Slipbound".into(),
             title: "Maintaining grasps within slipping bound: the paper's figures and tables from our own frames"
                 .into(),
@@ -65,7 +65,7 @@ impl Paper {
             parts,
         };
         let page = self.output.join("paper.html");
-        fs::write(&page, sheet.to_string()).map_err(|error| cannot_write(&page, error))?;
+        fs::write(&page, html_page.to_string()).map_err(|error| cannot_write(&page, error))?;
         Terminal::plain().say(&format!("page: {}", page.display()))?;
         Ok(Outcome::Done)
     }

@@ -5,7 +5,7 @@ use super::inputs;
 use super::recording::{LiveCamera, marked, open_live};
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
-use crate::run_output::{RunOutput, Tally};
+use crate::run_output::{RunOutput, RunScorer};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
 use slipbound::control::ControlLoop;
@@ -225,7 +225,7 @@ impl Hardware {
             }
             is_due
         };
-        let mut observer = (output.queued(keeps_frames), Tally::default());
+        let mut observer = (output.queued(keeps_frames), RunScorer::default());
         let ran = realtime::run_at_least_every(
             longest_cycle_ns,
             &mut control,
@@ -238,7 +238,7 @@ impl Hardware {
         let missing = control.task().missing();
         let held_n = gripper.poll().ok().and_then(|state| state.pressed_n());
         drop(gripper);
-        let (queued, tally) = observer;
+        let (queued, scorer) = observer;
         let mut output = queued.finish();
         drop(control); // its sources hand in no more frames
         finish_recording(recorder, &mut output);
@@ -246,7 +246,7 @@ impl Hardware {
             output.note(now_ns(), &format!("{name}: camera: {}", live.line()));
         }
         let ended = Ended { held_n, missing, window_count: monitor.rest.window_count };
-        self.end(name, ran.map_err(Into::into), &ended, output, tally)
+        self.end(name, ran.map_err(Into::into), &ended, output, scorer)
     }
 
     /// Whether every frame is kept in the folder of the run.
@@ -261,12 +261,12 @@ impl Hardware {
         ran: anyhow::Result<()>,
         ended: &Ended,
         mut output: RunOutput,
-        tally: Tally,
+        scorer: RunScorer,
     ) -> Result<Outcome, Failure> {
         if let Err(e) = &ran {
             output.note(now_ns(), &format!("{e:#}"));
         }
-        let Tally { mut score, phase, refused_lowering, frames_counts, .. } = tally;
+        let RunScorer { mut score, phase, refused_lowering, frames_counts, .. } = scorer;
         let &Ended { held_n, missing, window_count } = ended;
         if ran.is_ok() && name == "hold" && matches!(phase, Some(Phase::Working | Phase::Waiting)) {
             score.ending = Some(Ending::Held); // to the end of the source

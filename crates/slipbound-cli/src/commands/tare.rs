@@ -1,7 +1,7 @@
 //! `slipbound tare`: finds the rest frame of a finger once and saves it in a file for every later `--rest FILE`.
 
+use super::marker_noise::MarkerNoise;
 use super::rest_window::{Window, advice_where_touched};
-use super::standing::Standing;
 use super::{finger, recording};
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
@@ -11,7 +11,7 @@ use slipbound::monitor::{Settings, SlipMonitor};
 use slipbound::sensor::Sensor;
 use slipbound_rig::report_summary::frame_name;
 use slipbound_rig::rest_file::{MadeOf, SavedRest};
-use slipbound_rig::{config, sensors, source, written};
+use slipbound_rig::{config, file_origin, sensors, source};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -61,11 +61,11 @@ impl Tare {
         if let Some(reason) = monitor.refusal() {
             return Err(anyhow!("{}: no frame could be judged against it: {reason}", self.source).into());
         }
-        let standing = Standing::see(window.frames.iter().copied(), &mut monitor, |seq| seqs.contains(&seq));
-        if let Some(seq) = standing.touched_seq {
+        let marker_noise = MarkerNoise::measure(window.frames.iter().copied(), &mut monitor, |seq| seqs.contains(&seq));
+        if let Some(seq) = marker_noise.touched_seq {
             return Err(self.touched(&window, seq, &sensor).into());
         }
-        let noise = standing.noise();
+        let noise = marker_noise.noise();
 
         let (looked_at, averaged) = (window.frames.len(), rest.frames_count());
         let frames = format!("frames {} to {} averaged", seqs.start, seqs.end.saturating_sub(1));
@@ -119,7 +119,7 @@ impl Tare {
                 "--output {shown}: expected a place of its own, got one that is read"
             )));
         }
-        let is_foreign = place.is_dir() || (place.is_file() && !written::is_ours(&place).unwrap_or(false));
+        let is_foreign = place.is_dir() || (place.is_file() && !file_origin::is_own_file(&place).unwrap_or(false));
         match is_foreign && !(self.force && place.is_file()) {
             false => Ok(()),
             true => {

@@ -5,11 +5,11 @@
 //! ```
 
 mod args;
+mod batch;
 mod outputs;
 mod overwriting;
 mod rest;
-mod several;
-mod silence;
+mod stall_detector;
 
 pub use args::{Watch, live_count};
 
@@ -21,7 +21,6 @@ use crate::terminal::Terminal;
 use anyhow::anyhow;
 use args::RestArgument;
 use outputs::Outputs;
-use silence::Silence;
 use slipbound::events::{SlipEvent, SlipEvents};
 use slipbound::monitor::{Settings, SlipMonitor, SlipState};
 use slipbound::port::{FrameBuffer, FrameSource, Next};
@@ -30,6 +29,7 @@ use slipbound_rig::link::now_ns;
 use slipbound_rig::report_summary::{ReportSummary, torn, when};
 use slipbound_rig::source::doubtful_rate;
 use slipbound_rig::{config, sensors};
+use stall_detector::StallDetector;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -94,7 +94,7 @@ impl Watch {
                 let one = Watch { source: source.clone(), ..self.clone() };
                 one.judge_all(None).map(|ended| ended.outcome)
             }
-            _ => self.run_several(),
+            _ => self.run_batch(),
         }
     }
 
@@ -150,8 +150,8 @@ impl Watch {
         // Marked when they are judged, not when they are read ahead.
         let inlet = recorder.as_ref().map(Recorder::inlet);
         let mut recording = recording::marked(recording, inlet, 0, camera.is_none());
-        let mut silence = camera.as_ref().map(|_| Silence::new(self.max_silence_ms));
-        let ended = self.judge(recording.as_mut(), &mut monitor, &mut outputs, &mut progress, silence.as_mut());
+        let mut stalls = camera.as_ref().map(|_| StallDetector::new(self.max_silence_ms));
+        let ended = self.judge(recording.as_mut(), &mut monitor, &mut outputs, &mut progress, stalls.as_mut());
         let Progress { mut terminal, summary, first_slip, .. } = progress;
         terminal.clear_bar();
         if matches!(ended, Err(Failure::ReaderLeft)) {
@@ -199,7 +199,7 @@ impl Watch {
         monitor: &mut SlipMonitor,
         outputs: &mut Outputs,
         progress: &mut Progress<'_>,
-        mut silence: Option<&mut Silence>,
+        mut stalls: Option<&mut StallDetector>,
     ) -> Result<(), Failure> {
         let interrupted = match progress.quiet {
             Some(quiet) => quiet.interrupted.clone(),
@@ -208,19 +208,19 @@ impl Watch {
         let mut events = SlipEvents::new();
         let mut buffer = FrameBuffer::default();
         loop {
-            if silence.is_some() && interrupted.load(Ordering::Relaxed) {
+            if stalls.is_some() && interrupted.load(Ordering::Relaxed) {
                 // A camera has no other end. The frames taken have been judged.
                 return events.end().map_or(Ok(()), |event| progress.event(&event, outputs, &buffer, monitor));
             }
             let next = recording.next(&mut buffer);
-            if silence.is_none() && interrupted.load(Ordering::Relaxed) {
+            if stalls.is_none() && interrupted.load(Ordering::Relaxed) {
                 let frames_count = progress.summary.frames_count();
                 return Err(anyhow!("interrupted after {frames_count} frames; what was judged is kept").into());
             }
             outputs.stopwatch.restart();
             let mut torn_why = None;
             let next = next?;
-            if let Some(line) = silence.as_mut().and_then(|silence| silence.see(now_ns(), next == Next::Silent)) {
+            if let Some(line) = stalls.as_mut().and_then(|stalls| stalls.see(now_ns(), next == Next::Silent)) {
                 progress.terminal.say(&format!("{}: {line}", self.source))?;
             }
             let report = match next {

@@ -21,7 +21,7 @@ fn slipbound(limit_blocks: &str, args: &[&str]) -> Output {
     Command::new("sh").args(["-c", script, limit_blocks, program]).args(args).output().expect("runs")
 }
 
-fn told(output: &Output) -> String {
+fn printed(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
@@ -32,8 +32,8 @@ fn row(told: &str, name: &str) -> String {
 
 /// Exit code 3, a count and a reason, and only complete lines.
 fn check_lost(folder: &Path, output: &Output) {
-    assert_eq!(output.status.code(), Some(3), "{}", told(output));
-    assert!(told(output).contains("times something could not be written, the first: "), "{}", told(output));
+    assert_eq!(output.status.code(), Some(3), "{}", printed(output));
+    assert!(printed(output).contains("times something could not be written, the first: "), "{}", printed(output));
     for name in ["reports.jsonl", "frames.jsonl", "events.jsonl"] {
         let text = fs::read_to_string(folder.join(name)).expect("lines");
         for line in text.lines() {
@@ -49,25 +49,25 @@ fn a_full_disk_changes_nothing_in_the_loop_and_is_told_at_the_end() {
     let (whole, cut, held) = (path("whole"), path("cut"), path("held"));
     let unscrew = ["demo", "--fingers", "1", "--task", "unscrew", "--emulated", "wsg50", "--record", "-o"];
     let without = slipbound("unlimited", &[&unscrew[..], &[&whole]].concat());
-    assert!(without.status.success(), "{}", told(&without));
+    assert!(without.status.success(), "{}", printed(&without));
     let with = slipbound(LIMIT_BLOCKS, &[&unscrew[..], &[&cut]].concat());
     check_lost(Path::new(&cut), &with);
-    assert!(told(&with).contains("report.html: cannot write"), "{}", told(&with));
+    assert!(printed(&with).contains("report.html: cannot write"), "{}", printed(&with));
     assert!(!Path::new(&cut).join("report.html").exists(), "half a page is none");
     for name in ["ended", "largest grip", "slid in the fingers", "alarms"] {
-        assert_eq!(row(&told(&without), name), row(&told(&with), name), "{name}");
+        assert_eq!(row(&printed(&without), name), row(&printed(&with), name), "{name}");
     }
     // The remaining part replays, up to where it is cut off.
     let again = slipbound("unlimited", &["replay", &cut]);
     let ends = "frames.jsonl: ends before cycle";
-    assert!(again.status.success() || told(&again).contains(ends), "{}", told(&again));
+    assert!(again.status.success() || printed(&again).contains(ends), "{}", printed(&again));
 
     // In real time, behind the queue.
     let frames = format!("{whole}/left");
     let hold = ["hold", &frames, "--sensor", "gelslim", "--gripper", "dry", "--rate-hz", "60", "--record", "-o", &held];
     let held_on = slipbound(LIMIT_BLOCKS, &hold);
     check_lost(Path::new(&held), &held_on);
-    assert!(row(&told(&held_on), "ended").contains("Held"), "{}", told(&held_on));
+    assert!(row(&printed(&held_on), "ended").contains("Held"), "{}", printed(&held_on));
 }
 
 #[test]
@@ -78,14 +78,14 @@ fn what_watch_writes_ends_with_a_whole_line_on_a_full_disk() {
         let file = path(name);
         // Twelve blocks are 6 kB: a header and a few frames, and not on the end of a line.
         let output = slipbound("12", &["watch", "sim:press?grid=fast", option, &file]);
-        assert_eq!(output.status.code(), Some(1), "{}", told(&output));
-        assert!(told(&output).contains(&format!("{name}: cannot write: ")), "{}", told(&output));
+        assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
+        assert!(printed(&output).contains(&format!("{name}: cannot write: ")), "{}", printed(&output));
         let text = fs::read_to_string(&file).expect("lines");
         assert!(text.ends_with('\n') && text.lines().count() > 2, "{name}: {text}");
     }
     let page = path("page.html");
     let output = slipbound("12", &["watch", "sim:press?grid=fast", "--report", &page]);
-    assert_eq!(output.status.code(), Some(1), "{}", told(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
     assert!(!Path::new(&page).exists(), "half a page is none");
 }
 
@@ -100,8 +100,8 @@ fn a_finger_at_rest_that_cannot_be_written_leaves_the_one_that_was_there() {
     assert!(tare("unlimited", "10").status.success());
     let before = fs::read(&file).expect("there");
     let output = tare("4", "6");
-    assert_eq!(output.status.code(), Some(1), "{}", told(&output));
-    assert!(told(&output).contains("left.rest: cannot write: "), "{}", told(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
+    assert!(printed(&output).contains("left.rest: cannot write: "), "{}", printed(&output));
     assert!(fs::read(&file).is_ok_and(|after| after == before), "the good one is lost");
     assert_eq!(fs::read_dir(scratch.path()).expect("reads").count(), 1, "and nothing is left beside it");
 }
@@ -129,9 +129,9 @@ fn who_only_records_ends_when_the_disk_is_full() {
     let run = scratch.path().join("run.mcap").to_str().expect("UTF-8").to_owned();
     let from = std::time::Instant::now();
     let output = slipbound(LIMIT_BLOCKS, &["record", &camera(), "-o", &run, "--for-s", "100"]);
-    assert_eq!(output.status.code(), Some(1), "{}", told(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
     let said = "run.mcap: cannot write on: File too large (os error 27)";
-    assert!(told(&output).trim_end().ends_with(said), "{}", told(&output));
+    assert!(printed(&output).trim_end().ends_with(said), "{}", printed(&output));
     assert!(from.elapsed() < Duration::from_secs(50), "it went on for {:?}", from.elapsed());
 }
 
@@ -142,6 +142,10 @@ fn a_run_without_a_single_cycle_is_not_called_the_same() {
     let short = ["--fingers", "1", "--task", "lift", "--set", "longest_s=0.3", "--record", "-o", &run];
     slipbound("unlimited", &[&["demo"], &short[..]].concat());
     let again = slipbound("unlimited", &["replay", &run]);
-    assert_eq!(again.status.code(), Some(1), "{}", told(&again));
-    assert!(told(&again).contains("expected cycles in which something was commanded, got none"), "{}", told(&again));
+    assert_eq!(again.status.code(), Some(1), "{}", printed(&again));
+    assert!(
+        printed(&again).contains("expected cycles in which something was commanded, got none"),
+        "{}",
+        printed(&again)
+    );
 }

@@ -89,7 +89,7 @@ fn interrupt(child: &Child) {
     assert!(told.success());
 }
 
-fn told(output: &Output) -> String {
+fn printed(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
@@ -119,7 +119,7 @@ fn what_was_watched_live_is_judged_again_from_its_recording_to_the_same_lines() 
     until_lines(&scratch.path().join("live.jsonl"), 60);
     interrupt(&child);
     let ended = child.wait_with_output().expect("ends");
-    let said = told(&ended);
+    let said = printed(&ended);
     assert_eq!(ended.status.code(), Some(3), "a torn frame: {said}");
     for words in ["no frame for 0.", "frames again after 0.", "camera: ", "1 torn", "format Motion JPEG over HTTP"] {
         assert!(said.contains(words), "no `{words}` in {said}");
@@ -131,7 +131,7 @@ fn what_was_watched_live_is_judged_again_from_its_recording_to_the_same_lines() 
     assert_eq!(live, again);
     // On a slow machine a newer frame may have replaced the torn one.
     let is_torn_judged = live.iter().any(|line| line.contains("\"torn frame\""));
-    assert_eq!(replayed.status.code(), Some(if is_torn_judged { 3 } else { 0 }), "{}", told(&replayed));
+    assert_eq!(replayed.status.code(), Some(if is_torn_judged { 3 } else { 0 }), "{}", printed(&replayed));
     let time_ns = |line: &String| serde_json::from_str::<Value>(line).expect("JSON")["time_ns"].as_u64();
     assert!(live.iter().all(|line| time_ns(line).is_some()), "times of arrival");
 }
@@ -147,7 +147,7 @@ fn a_recording_that_was_killed_is_readable_to_its_last_chunk() {
     child.wait().expect("ends");
     let again = ["--json", "again.jsonl", "run.mcap"];
     let replayed = slipbound(scratch.path(), &[&WATCH[..], &again].concat()).output().expect("runs");
-    let said = told(&replayed);
+    let said = printed(&replayed);
     assert!(said.contains("cut off"), "{said}");
     // Other readers stop, or fail, at an impossible length.
     let bytes = std::fs::read(scratch.path().join("run.mcap")).expect("the recording");
@@ -174,13 +174,13 @@ fn two_cameras_hold_are_recorded_and_a_blocked_one_does_not_keep_ctrl_c_waiting(
     interrupt(&child);
     let ended = child.wait_with_output().expect("ends");
     assert!(from.elapsed() < Duration::from_secs(8), "{:?}", from.elapsed());
-    let said = told(&ended);
+    let said = printed(&ended);
     for words in ["right: no frame for 0.3 s", "left: camera: ", "right: camera: ", "interrupted"] {
         assert!(said.contains(words), "no `{words}` in {said}");
     }
     let again = ["--json", "left.jsonl", "run.mcap#left"];
     let replayed = slipbound(scratch.path(), &[&WATCH[..], &again].concat()).output().expect("runs");
-    assert_eq!(replayed.status.code(), Some(0), "{}", told(&replayed));
+    assert_eq!(replayed.status.code(), Some(0), "{}", printed(&replayed));
     assert!(lines(&scratch.path().join("left.jsonl")).len() > 100);
     let run = fs::read_to_string(scratch.path().join("run/run.toml")).expect("what was run");
     assert!(run.contains("Motion JPEG over HTTP"), "{run}");
@@ -192,16 +192,16 @@ fn record_takes_cameras_as_they_come_and_devices_needs_none() {
     let (left, right) = (serve(Trouble::default()), serve(Trouble::default()));
     let record = ["record", &left, &right, "-o", "run.mcap", "--for-s", "1.5", "--sensor", "gelsight_mini_wide"];
     let ended = slipbound(scratch.path(), &record).output().expect("runs");
-    assert_eq!(ended.status.code(), Some(0), "{}", told(&ended));
-    assert!(told(&ended).contains("left: ") && told(&ended).contains(" Hz"), "{}", told(&ended));
+    assert_eq!(ended.status.code(), Some(0), "{}", printed(&ended));
+    assert!(printed(&ended).contains("left: ") && printed(&ended).contains(" Hz"), "{}", printed(&ended));
     let watched = slipbound(scratch.path(), &[&WATCH[..], &["run.mcap#right"]].concat()).output().expect("runs");
-    assert_eq!(watched.status.code(), Some(0), "{}", told(&watched));
+    assert_eq!(watched.status.code(), Some(0), "{}", printed(&watched));
 
     let devices = slipbound(scratch.path(), &["devices"]).output().expect("runs");
-    assert_eq!(devices.status.code(), Some(0), "{}", told(&devices));
-    assert!(told(&devices).contains("wsg50://HOST:1000"), "{}", told(&devices));
+    assert_eq!(devices.status.code(), Some(0), "{}", printed(&devices));
+    assert!(printed(&devices).contains("wsg50://HOST:1000"), "{}", printed(&devices));
     let rules = slipbound(scratch.path(), &["devices", "--udev"]).output().expect("runs");
-    assert!(told(&rules).contains("SUBSYSTEM==\"video4linux\""), "{}", told(&rules));
+    assert!(printed(&rules).contains("SUBSYSTEM==\"video4linux\""), "{}", printed(&rules));
 }
 
 #[test]
@@ -212,9 +212,9 @@ fn what_is_judged_in_part_is_recorded_as_cut_off() {
     until_lines(&scratch.path().join("lines.jsonl"), 10);
     interrupt(&child);
     let ended = child.wait_with_output().expect("ends");
-    assert_eq!(ended.status.code(), Some(1), "{}", told(&ended));
+    assert_eq!(ended.status.code(), Some(1), "{}", printed(&ended));
     let again = slipbound(scratch.path(), &["watch", "run.mcap"]).output().expect("runs");
-    assert!(told(&again).contains("the recording is cut off"), "{}{}", told(&ended), told(&again));
+    assert!(printed(&again).contains("the recording is cut off"), "{}{}", printed(&ended), printed(&again));
 }
 
 /// An image that waited for the other camera would be the first of the recording, and old.
@@ -226,12 +226,12 @@ fn a_camera_that_is_there_first_is_recorded_from_when_the_last_one_is() {
     let (left, right) = (serve(Trouble::default()), serve(late));
     let record = ["record", &left, &right, "-o", "run.mcap", "--for-s", "1"];
     let ended = slipbound(scratch.path(), &record).output().expect("runs");
-    assert_eq!(ended.status.code(), Some(0), "{}", told(&ended));
+    assert_eq!(ended.status.code(), Some(0), "{}", printed(&ended));
     let again = ["--json", "left.jsonl", "run.mcap#left"];
     let watched = slipbound(scratch.path(), &[&WATCH[..], &again].concat()).output().expect("runs");
     let lines = lines(&scratch.path().join("left.jsonl"));
     let first: Value = serde_json::from_str(lines.first().expect("a frame")).expect("JSON");
-    assert!(first["seq"].as_u64().is_some_and(|seq| seq > 15), "{first}{}", told(&watched));
+    assert!(first["seq"].as_u64().is_some_and(|seq| seq > 15), "{first}{}", printed(&watched));
     assert!(lines.len() < 45, "{} frames of one second", lines.len());
 }
 
@@ -239,8 +239,8 @@ fn a_camera_that_is_there_first_is_recorded_from_when_the_last_one_is() {
 fn doctor_calls_nothing_good_that_a_stream_does_not_tell() {
     let scratch = tempfile::tempdir().expect("a folder");
     let seen = slipbound(scratch.path(), &["doctor", &serve(Trouble::default())]).output().expect("runs");
-    assert!(told(&seen).contains("good  rate: "), "{}", told(&seen));
-    assert!(told(&seen).contains("look  locked: a stream does not tell\n      lock exposure"), "{}", told(&seen));
+    assert!(printed(&seen).contains("good  rate: "), "{}", printed(&seen));
+    assert!(printed(&seen).contains("look  locked: a stream does not tell\n      lock exposure"), "{}", printed(&seen));
 }
 
 #[test]
@@ -254,8 +254,8 @@ fn what_cannot_be_a_camera_is_refused() {
         ("http://", 2, "expected http://HOST"),
     ] {
         let ended = slipbound(scratch.path(), &["watch", uri]).output().expect("runs");
-        assert_eq!(ended.status.code(), Some(code), "{uri}: {}", told(&ended));
-        assert!(told(&ended).contains(expected), "{uri}: {}", told(&ended));
+        assert_eq!(ended.status.code(), Some(code), "{uri}: {}", printed(&ended));
+        assert!(printed(&ended).contains(expected), "{uri}: {}", printed(&ended));
     }
 }
 
@@ -264,7 +264,7 @@ fn what_cannot_be_a_camera_is_refused() {
 fn a_touched_finger_is_refused_where_rest_is_to_be_live() {
     let scratch = tempfile::tempdir().expect("a folder");
     let made = slipbound(scratch.path(), &["simulate", "ramp", "--seed", "3", "-o", "all"]).output().expect("runs");
-    assert!(made.status.success(), "{}", told(&made));
+    assert!(made.status.success(), "{}", printed(&made));
     let mut frames: Vec<_> =
         fs::read_dir(scratch.path().join("all")).expect("a folder").flatten().map(|e| e.path()).collect();
     frames.retain(|path| path.extension().is_some_and(|kind| kind == "jpg" || kind == "png"));
@@ -277,19 +277,24 @@ fn a_touched_finger_is_refused_where_rest_is_to_be_live() {
     for (source, code) in [("all", 0), ("touched", 1)] {
         let watch = ["watch", source, "--sensor", "all/sensor.toml", "--rest", "live:10"];
         let ended = slipbound(scratch.path(), &watch).output().expect("runs");
-        assert_eq!(ended.status.code(), Some(code), "{source}: {}", told(&ended));
-        assert_eq!(told(&ended).contains("expected a finger that nothing touches"), code == 1, "{}", told(&ended));
+        assert_eq!(ended.status.code(), Some(code), "{source}: {}", printed(&ended));
+        assert_eq!(
+            printed(&ended).contains("expected a finger that nothing touches"),
+            code == 1,
+            "{}",
+            printed(&ended)
+        );
     }
     let hold = ["hold", "touched", "--sensor", "all/sensor.toml", "--gripper", "dry", "--rest", "live:10", "-o", "run"];
     let ended = slipbound(scratch.path(), &hold).output().expect("runs");
-    assert_eq!(ended.status.code(), Some(1), "{}", told(&ended));
-    assert!(told(&ended).contains("expected a finger that nothing touches"), "{}", told(&ended));
+    assert_eq!(ended.status.code(), Some(1), "{}", printed(&ended));
+    assert!(printed(&ended).contains("expected a finger that nothing touches"), "{}", printed(&ended));
     let ended = slipbound(scratch.path(), &["tare", "touched", "--sensor", "all/sensor.toml"]).output().expect("runs");
-    assert_eq!(ended.status.code(), Some(1), "{}", told(&ended));
+    assert_eq!(ended.status.code(), Some(1), "{}", printed(&ended));
     for words in
         ["tare: touched: expected a finger that nothing touches", "frame 0 (frame_0000", "look like pressed weave"]
     {
-        assert!(told(&ended).contains(words), "no `{words}` in {}", told(&ended));
+        assert!(printed(&ended).contains(words), "no `{words}` in {}", printed(&ended));
     }
     assert!(!scratch.path().join("finger.rest").exists(), "a touched finger is not kept");
 }
@@ -300,7 +305,7 @@ fn a_rest_that_was_kept_judges_as_the_live_one_and_no_other_passes_for_it() {
     let ended = |line: &str| {
         let words: Vec<&str> = line.split(' ').collect();
         let output = slipbound(scratch.path(), &words).output().expect("runs");
-        (output.status.code(), told(&output))
+        (output.status.code(), printed(&output))
     };
     let done = |line: &str| {
         let (code, said) = ended(line);

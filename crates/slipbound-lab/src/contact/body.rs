@@ -250,10 +250,10 @@ impl Body {
         if let Some(inertia) = inertia {
             inertia.resist(pose.turn_rad, turn, velocity, dt, &mut stiff, &mut push);
         }
-        let give = inverse(&stiff);
-        let free = times(&give, push);
-        let give = give.map(|row| row.map(|entry| entry * share));
-        (Motion { shift: Complex64::new(free[0], free[1]), turn: free[2] }, Some(Resistance { give }))
+        let compliance = inverse(&stiff);
+        let free = times(&compliance, push);
+        let compliance = compliance.map(|row| row.map(|entry| entry * share));
+        (Motion { shift: Complex64::new(free[0], free[1]), turn: free[2] }, Some(Resistance { compliance }))
     }
 }
 
@@ -293,13 +293,13 @@ impl Rail {
     /// in-plane traction of the pressure on the profile. `share` converts sums of tractions of one finger to the forces
     /// of all.
     fn step(&self, away: Motion, dt: f64, share: f64, on_profile: Complex64) -> (Motion, Option<Resistance>) {
-        let yields = 1.0 / (self.stiffness + self.damping_s / dt);
+        let rail_compliance = 1.0 / (self.stiffness + self.damping_s / dt);
         let along = [self.shift_mm.x, self.shift_mm.y, self.turn_rad];
         let rolled = self.roll_mm.x * on_profile.re + self.roll_mm.y * on_profile.im;
-        let far = (self.push - share * rolled) * yields;
+        let far = (self.push - share * rolled) * rail_compliance;
         let free = Motion { shift: away.shift + complex(self.shift_mm) * far, turn: away.turn + self.turn_rad * far };
-        let give = along.map(|row| along.map(|column| row * column * yields * share));
-        (free, Some(Resistance { give }))
+        let compliance = along.map(|row| along.map(|column| row * column * rail_compliance * share));
+        (free, Some(Resistance { compliance }))
     }
 }
 
@@ -356,12 +356,12 @@ impl Motion {
 /// W: compliance of the body to the load on the gel, per sum of tractions over cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Resistance {
-    give: [[f64; 3]; 3],
+    compliance: [[f64; 3]; 3],
 }
 
 impl Resistance {
     pub fn retreat(&self, load: Motion) -> Motion {
-        let [x, y, turn] = times(&self.give, [load.shift.re, load.shift.im, load.turn]);
+        let [x, y, turn] = times(&self.compliance, [load.shift.re, load.shift.im, load.turn]);
         Motion { shift: Complex64::new(x, y), turn }
     }
 }

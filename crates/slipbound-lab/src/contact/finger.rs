@@ -94,7 +94,7 @@ pub struct Finger {
     pub(super) on_profile: Complex64,
     pub(super) bound: Vec<f64>,
     /// Interface compliance; empty if friction has none.
-    pub(super) give: Vec<f64>,
+    pub(super) compliance: Vec<f64>,
     pub(super) lever: Vec<Complex64>,
     pub(super) target: Vec<Complex64>,
     /// Stick displacement of each cell: the displacement a stuck cell should have, free of the solver's last error.
@@ -122,11 +122,13 @@ impl Finger {
             let rate = settings.substep_s / creep.time_s;
             CreepStep { keep: 1.0 / (1.0 + rate), gain: creep.share_fraction * rate / (1.0 + rate) }
         });
-        let yields = 1.0 + creep.map_or(0.0, |creep| creep.gain);
-        let interface = Material { grid, gel, yields, soft_object };
+        let compliance_factor = 1.0 + creep.map_or(0.0, |creep| creep.gain);
+        let interface = Material { grid, gel, compliance_factor, soft_object };
         let cells = grid.cells_count();
         let apart = (creep.is_some() || soft_object.is_some()).then(|| GelApart {
-            response: Responses::of(&Material { yields: 1.0, soft_object: None, ..interface }).whole().clone(),
+            response: Responses::of(&Material { compliance_factor: 1.0, soft_object: None, ..interface })
+                .whole()
+                .clone(),
             creep,
             crept: Field::new(cells),
         });
@@ -156,7 +158,7 @@ impl Finger {
             push: vec![ZERO; cells],
             on_profile: ZERO,
             bound: vec![0.0; cells],
-            give: vec![0.0; if settings.friction.yield_mm > 0.0 { cells } else { 0 }],
+            compliance: vec![0.0; if settings.friction.yield_mm > 0.0 { cells } else { 0 }],
             lever: vec![ZERO; cells],
             target: vec![ZERO; cells],
             anchor: vec![ZERO; cells],

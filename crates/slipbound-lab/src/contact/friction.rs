@@ -111,14 +111,14 @@ impl Friction {
         let along = slope.dot(direction) / stretch;
         let tangential = (1.0 - along * along).sqrt();
         let upright_mpa = adhesion_mpa + mu * pressure_mpa * stretch;
-        (upright_mpa / (tangential - mu * along).max(1.0 / JAM_FACTOR)).min(cap_mpa / tangential)
+        (upright_mpa / (tangential - mu * along).max(1.0 / SLOPE_BOUND_LIMIT)).min(cap_mpa / tangential)
     }
 }
 
 /// Largest friction of a slope relative to that of its own area on the flat: at mu 0.8 that of a slope of 12.7 degrees.
 /// With a larger factor the gel at the rims of a cap would repeatedly jam, store energy and snap free: at 1.6 a cap
 /// pulled along its axis at 20 N and mu 1.2 never slides as a whole, at 1.25 it does.
-const JAM_FACTOR: f64 = 1.25;
+const SLOPE_BOUND_LIMIT: f64 = 1.25;
 
 #[cfg(test)]
 mod tests {
@@ -144,7 +144,9 @@ mod tests {
             friction.bound_on_slope_mpa(0.1, 0.0, slope, Vec2::new(1.0, 0.0)) / 0.08 * libm::cos(degrees.to_radians())
         };
         assert!(
-            up(12.6) < JAM_FACTOR && (up(12.7) - JAM_FACTOR).abs() < 1e-12 && (up(27.0) - JAM_FACTOR).abs() < 1e-12
+            up(12.6) < SLOPE_BOUND_LIMIT
+                && (up(12.7) - SLOPE_BOUND_LIMIT).abs() < 1e-12
+                && (up(27.0) - SLOPE_BOUND_LIMIT).abs() < 1e-12
         );
         let at_edge = up(27.0) / libm::cos(27f64.to_radians());
         assert!((at_edge - 1.403).abs() < 5e-4, "{at_edge} times that of the flat");

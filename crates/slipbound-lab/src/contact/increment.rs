@@ -6,7 +6,7 @@ use super::grid::Region;
 use super::normal::Grip;
 use super::settings::Command;
 use super::strain::largest_gradient;
-use super::tangential::{Held, OneSurface, Question};
+use super::tangential::{OneSurface, TangentialProblem, TangentialSolution};
 use super::transform::Area;
 use super::truth::LINEAR_STRAIN;
 use num_complex::Complex64;
@@ -42,8 +42,8 @@ impl Finger {
     /// Advances by a part of a step.
     pub(super) fn advance(&mut self, command: &Command, increment: Increment) {
         self.touch(command, increment);
-        let (motion, held) = self.hold(command, increment);
-        self.follow(command, motion, held, increment);
+        let (motion, solution) = self.hold(command, increment);
+        self.follow(command, motion, solution, increment);
     }
 
     /// Gap, pressure and friction bounds at the object's pose after the last increment.
@@ -56,10 +56,16 @@ impl Finger {
 
     /// Displacement, slip and numbers once tractions and motion are known. Returns the work of friction on the motion,
     /// and the largest possible work, per cell area.
-    pub(super) fn follow(&mut self, command: &Command, motion: Motion, held: Held, increment: Increment) -> (f64, f64) {
+    pub(super) fn follow(
+        &mut self,
+        command: &Command,
+        motion: Motion,
+        solution: TangentialSolution,
+        increment: Increment,
+    ) -> (f64, f64) {
         self.displace(increment.last);
         let used = self.slide(motion);
-        self.account(command, motion, held, increment);
+        self.account(command, motion, solution, increment);
         used
     }
 
@@ -189,11 +195,11 @@ impl Finger {
                 self.stick[i] = false;
             }
         }
-        if !self.give.is_empty() {
+        if !self.compliance.is_empty() {
             for &i in &self.cells {
                 let i = i as usize;
                 // At the rim, where the bound goes to 0, this keeps the compliance finite.
-                self.give[i] = friction.yield_mm / self.bound[i].max(0.01 * most);
+                self.compliance[i] = friction.yield_mm / self.bound[i].max(0.01 * most);
             }
         }
     }
@@ -229,9 +235,9 @@ impl Finger {
             self.traction_before[i] = last;
             self.lever[i] = self.at_rest[i] + self.relative[i] - origin;
             self.target[i] = self.anchor[i] + free.at(self.lever[i]) - self.of_pressure.shift[i];
-            if !self.give.is_empty() {
+            if !self.compliance.is_empty() {
                 // Only friction shears the interface.
-                self.target[i] += self.push[i] * self.give[i];
+                self.target[i] += self.push[i] * self.compliance[i];
             }
             if let Some((keep, crept)) = crept {
                 self.target[i] -= crept.shift[i] * keep;
@@ -240,27 +246,27 @@ impl Finger {
     }
 
     /// Tractions, and the motion of the object.
-    fn hold(&mut self, command: &Command, increment: Increment) -> (Motion, Held) {
+    fn hold(&mut self, command: &Command, increment: Increment) -> (Motion, TangentialSolution) {
         let (free, resistance) = self.free_motion(command, increment, self.on_profile);
-        let Some(window) = self.window else { return (free, Held::nothing()) };
+        let Some(window) = self.window else { return (free, TangentialSolution::nothing()) };
         self.aim(free);
         let settings = &self.settings;
-        let question = Question {
+        let problem = TangentialProblem {
             cells: &self.cells,
             push: &self.push,
             bound: &self.bound,
             target: &self.target,
             lever: &self.lever,
             resistance,
-            interface: &self.give,
+            interface: &self.compliance,
             stiffness_mpa_per_mm: settings.gel.shear_modulus_mpa() / settings.grid.cell_mm,
             stop: settings.tangential_stop,
         };
         let (response, stride) = (self.interface.for_window(window), settings.grid.width_cells);
         let mut surface = OneSurface { response, window, stride };
-        let held = self.tangential.solve(&mut surface, &question, &mut self.traction);
-        let back = resistance.map_or(Motion::ZERO, |r| r.retreat(held.load));
-        (Motion { shift: free.shift - back.shift, turn: free.turn - back.turn }, held)
+        let solution = self.tangential.solve(&mut surface, &problem, &mut self.traction);
+        let back = resistance.map_or(Motion::ZERO, |r| r.retreat(solution.load));
+        (Motion { shift: free.shift - back.shift, turn: free.turn - back.turn }, solution)
     }
 
     /// Displacement of the whole surface: of the gel, and relative to the object.
@@ -327,13 +333,13 @@ impl Finger {
             let i = i as usize;
             let q = self.traction[i] - self.push[i];
             load.add(self.lever[i], q);
-            let give = if self.give.is_empty() { 0.0 } else { self.give[i] };
+            let compliance = if self.compliance.is_empty() { 0.0 } else { self.compliance[i] };
             reach = reach.max(self.lever[i].norm_sqr());
             let way = motion.at(self.lever[i]);
             done += q.re * way.re + q.im * way.im;
             most += self.bound[i] * length(way);
             let held = self.anchor[i] + way;
-            let reached = self.relative[i] + q * give;
+            let reached = self.relative[i] + q * compliance;
             let slip = held - reached; // of the object over the gel
             let work = q.re * slip.re + q.im * slip.im;
             let slides = work > 0.0 && q.norm_sqr() >= (1.0 - 1e-9) * self.bound[i] * self.bound[i];
@@ -361,7 +367,7 @@ impl Finger {
     }
 
     /// The numbers of an increment.
-    fn account(&mut self, command: &Command, motion: Motion, held: Held, increment: Increment) {
+    fn account(&mut self, command: &Command, motion: Motion, solution: TangentialSolution, increment: Increment) {
         let step_s = self.settings.substep_s / f64::from(increment.of_count);
         self.velocity = Motion { shift: motion.shift / step_s, turn: motion.turn / step_s };
         let area = self.settings.grid.cell_area_mm2();
@@ -372,9 +378,9 @@ impl Finger {
             truth.pose = command.pose;
         }
         truth.grip_force_n = self.cells.iter().map(|&i| self.pressure[i as usize]).sum::<f64>() * area;
-        truth.wrench = held.load.wrench(area);
-        truth.tangential_iterations_count += held.iterations;
-        truth.converged &= held.converged;
+        truth.wrench = solution.load.wrench(area);
+        truth.tangential_iterations_count += solution.iterations;
+        truth.converged &= solution.converged;
         if increment.last {
             self.account_cells();
         }

@@ -17,7 +17,7 @@ use super::body::{Body, Motion, Wrench, complex, plane, rotation};
 use super::finger::{Finger, Increment};
 use super::settings::{Command, FingerSettings};
 use super::shape::Shape;
-use super::tangential::{Held, OneSurface, Question, Surface, Tangential};
+use super::tangential::{OneSurface, Surface, Tangential, TangentialProblem, TangentialSolution};
 use super::truth::{Events, Truth};
 use num_complex::Complex64;
 use slipbound::plane::Vec2;
@@ -46,7 +46,7 @@ struct Joint {
     target: Vec<Complex64>,
     lever: Vec<Complex64>,
     /// Empty if friction has none.
-    give: Vec<f64>,
+    compliance: Vec<f64>,
     traction: Vec<Complex64>,
     /// The tractions on the right pad in its own axes.
     right: Vec<Complex64>,
@@ -95,7 +95,7 @@ impl FingerPair {
         }
         let fingers = [Finger::new(left, shape.clone())?, Finger::new(right, shape)?];
         let cells = left.grid.cells_count();
-        let gives = fingers.iter().any(|finger| !finger.give.is_empty());
+        let is_compliant = fingers.iter().any(|finger| !finger.compliance.is_empty());
         Ok(FingerPair {
             turn_rad,
             turned: rotation(turn_rad),
@@ -106,7 +106,7 @@ impl FingerPair {
                 bound: vec![0.0; 2 * cells],
                 target: vec![ZERO; 2 * cells],
                 lever: vec![ZERO; 2 * cells],
-                give: vec![0.0; if gives { 2 * cells } else { 0 }],
+                compliance: vec![0.0; if is_compliant { 2 * cells } else { 0 }],
                 traction: vec![ZERO; 2 * cells],
                 right: vec![ZERO; cells],
             },
@@ -174,32 +174,32 @@ impl FingerPair {
         self.joint.gather([&*left, &*right], self.turned);
         let joint = &mut self.joint;
         let (stiff, settings) = (|f: &Finger| f.settings.gel.shear_modulus_mpa(), left.settings);
-        let question = Question {
+        let problem = TangentialProblem {
             cells: &joint.cells,
             push: &joint.push,
             bound: &joint.bound,
             target: &joint.target,
             lever: &joint.lever,
             resistance,
-            interface: &joint.give,
+            interface: &joint.compliance,
             stiffness_mpa_per_mm: stiff(left).max(stiff(right)) / settings.grid.cell_mm,
             stop: settings.tangential_stop,
         };
-        let held = if question.cells.is_empty() {
-            Held::nothing()
+        let solution = if problem.cells.is_empty() {
+            TangentialSolution::nothing()
         } else {
             let scratch = &mut joint.right;
             let mut surfaces =
                 BothSurfaces { left: surface(left), right: surface(right), turned: self.turned, scratch };
-            self.tangential.solve(&mut surfaces, &question, &mut joint.traction)
+            self.tangential.solve(&mut surfaces, &problem, &mut joint.traction)
         };
-        let back = resistance.map_or(Motion::ZERO, |r| r.retreat(held.load));
+        let back = resistance.map_or(Motion::ZERO, |r| r.retreat(solution.load));
         let motion = Motion { shift: free.shift - back.shift, turn: free.turn - back.turn };
         let loads = joint.scatter([left, right], self.turned);
         let motions = [motion, turned(motion, self.turned.conj())];
         let mut used = (0.0, 0.0);
         for i in 0..2 {
-            let own = Held { load: loads[i], ..held };
+            let own = TangentialSolution { load: loads[i], ..solution };
             let (done, most) = self.fingers[i].follow(&commands[i], motions[i], own, increment);
             used = (used.0 + done, used.1 + most);
         }
@@ -268,8 +268,8 @@ impl Joint {
                 self.bound[first + i] = finger.bound[i];
                 self.target[first + i] = finger.target[i] * turn;
                 self.lever[first + i] = finger.lever[i] * turn;
-                if !self.give.is_empty() {
-                    self.give[first + i] = finger.give.get(i).copied().unwrap_or(0.0);
+                if !self.compliance.is_empty() {
+                    self.compliance[first + i] = finger.compliance.get(i).copied().unwrap_or(0.0);
                 }
             }
         }

@@ -15,7 +15,7 @@ pub(super) struct Material {
     pub grid: Grid,
     pub gel: Gel,
     /// Factor by which creep increases the gel's compliance within a step; 1 without creep.
-    pub yields: f64,
+    pub compliance_factor: f64,
     pub soft_object: Option<SoftObject>,
 }
 
@@ -25,10 +25,10 @@ impl Material {
         let gel = self.gel.compliance(k_rad_per_mm);
         let object = self.soft_object.map_or(Compliance::default(), |object| object.compliance(k_rad_per_mm));
         Compliance {
-            along_mm_per_mpa: self.yields * gel.along_mm_per_mpa + object.along_mm_per_mpa,
-            across_mm_per_mpa: self.yields * gel.across_mm_per_mpa + object.across_mm_per_mpa,
-            normal_mm_per_mpa: self.yields * gel.normal_mm_per_mpa + object.normal_mm_per_mpa,
-            coupling_mm_per_mpa: self.yields * gel.coupling_mm_per_mpa + object.coupling_mm_per_mpa,
+            along_mm_per_mpa: self.compliance_factor * gel.along_mm_per_mpa + object.along_mm_per_mpa,
+            across_mm_per_mpa: self.compliance_factor * gel.across_mm_per_mpa + object.across_mm_per_mpa,
+            normal_mm_per_mpa: self.compliance_factor * gel.normal_mm_per_mpa + object.normal_mm_per_mpa,
+            coupling_mm_per_mpa: self.compliance_factor * gel.coupling_mm_per_mpa + object.coupling_mm_per_mpa,
         }
     }
 }

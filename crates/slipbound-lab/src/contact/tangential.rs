@@ -38,17 +38,17 @@ const PUSH_ROUNDING_FRACTION: f64 = 1e-10;
 
 /// Result of a tangential solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Held {
+pub(crate) struct TangentialSolution {
     pub iterations: u32,
     pub converged: bool,
     /// Total of the tractions on the gel: force in N and torque about the object's reference point.
     pub load: Motion,
 }
 
-impl Held {
+impl TangentialSolution {
     /// The result without contact.
     pub fn nothing() -> Self {
-        Held { iterations: 0, converged: true, load: Motion::ZERO }
+        TangentialSolution { iterations: 0, converged: true, load: Motion::ZERO }
     }
 }
 
@@ -75,7 +75,7 @@ impl Surface for OneSurface<'_> {
 }
 
 /// The data of one step. Slices are per cell of the grid.
-pub(crate) struct Question<'a> {
+pub(crate) struct TangentialProblem<'a> {
     /// The contact cells, in order.
     pub cells: &'a [u32],
     /// In-plane traction of the pressure on each cell in MPa: friction is the difference from it.
@@ -119,8 +119,13 @@ impl Tangential {
     }
 
     /// Solves; `traction` is the first guess on entry, zero outside the contact, and the solution on return.
-    pub fn solve(&mut self, surface: &mut impl Surface, question: &Question<'_>, traction: &mut [Complex64]) -> Held {
-        let Question { cells, push, bound, stop, stiffness_mpa_per_mm: safe, .. } = *question;
+    pub fn solve(
+        &mut self,
+        surface: &mut impl Surface,
+        problem: &TangentialProblem<'_>,
+        traction: &mut [Complex64],
+    ) -> TangentialSolution {
+        let TangentialProblem { cells, push, bound, stop, stiffness_mpa_per_mm: safe, .. } = *problem;
         let most = cells.iter().map(|&i| bound[i as usize]).fold(0.0, f64::max);
         // Friction is a difference from the push; where it is far smaller than the push, its rounding error is not
         // counted as an error.
@@ -130,33 +135,33 @@ impl Tangential {
             let i = i as usize;
             traction[i] = within(push[i], bound[i], traction[i]);
         }
-        let (back, _) = self.yielding(surface, question, traction, true);
+        let (back, _) = self.yielding(surface, problem, traction, true);
         // For all cells: a surface uses the steps of its whole window, and some cells have left the contact since the
         // last solution.
         self.direction.fill(ZERO);
         for &i in cells {
             let i = i as usize;
-            self.gradient[i] = self.answer[i] + back.at(question.lever[i]) - question.target[i];
+            self.gradient[i] = self.answer[i] + back.at(problem.lever[i]) - problem.target[i];
         }
         let mut length = safe;
-        let mut held = Held { iterations: 0, converged: false, load: Motion::ZERO };
+        let mut solution = TangentialSolution { iterations: 0, converged: false, load: Motion::ZERO };
         for iterations in 0..=stop.most_iterations_count {
-            held.iterations = iterations;
-            let (worst, mut descent) = match question.resistance {
-                None => self.aim(question, traction, length),
-                Some(_) => (self.worst(question, traction), 0.0),
+            solution.iterations = iterations;
+            let (worst, mut descent) = match problem.resistance {
+                None => self.aim(problem, traction, length),
+                Some(_) => (self.worst(problem, traction), 0.0),
             };
             if worst <= stop.tolerance_fraction * most + rounding {
-                held.converged = true;
+                solution.converged = true;
                 break;
             }
             if iterations == stop.most_iterations_count {
                 break;
             }
-            if let Some(resistance) = question.resistance {
-                descent = self.aim_with_body(question, resistance, traction, length);
+            if let Some(resistance) = problem.resistance {
+                descent = self.aim_with_body(problem, resistance, traction, length);
             }
-            let (back, lost) = self.yielding(surface, question, traction, false);
+            let (back, lost) = self.yielding(surface, problem, traction, false);
             let (mut curve, mut squares, mut answers) = (0.0, 0.0, 0.0);
             for &i in cells {
                 let i = i as usize;
@@ -172,7 +177,7 @@ impl Tangential {
             for &i in cells {
                 let i = i as usize;
                 traction[i] += self.direction[i] * step;
-                self.gradient[i] += (self.answer[i] + back.at(question.lever[i])) * step;
+                self.gradient[i] += (self.answer[i] + back.at(problem.lever[i])) * step;
             }
             // For the gel alone: the body's part of a step is exact.
             length = if iterations % 2 == 0 { squares / curve } else { curve / answers };
@@ -180,39 +185,39 @@ impl Tangential {
         // One last step of the safe length puts every sliding cell on its bound, where friction is defined. It is taken
         // in full, without a line search; the body's part keeps the small changes of all cells from adding up to a
         // load.
-        match question.resistance {
-            None => self.aim(question, traction, safe).1,
-            Some(resistance) => self.aim_with_body(question, resistance, traction, safe),
+        match problem.resistance {
+            None => self.aim(problem, traction, safe).1,
+            Some(resistance) => self.aim_with_body(problem, resistance, traction, safe),
         };
         for &i in cells {
             let i = i as usize;
             traction[i] = within(push[i], bound[i], traction[i] + self.direction[i]);
         }
-        held.load = load_of(question, cells.iter().map(|&i| (i as usize, traction[i as usize])));
-        held
+        solution.load = load_of(problem, cells.iter().map(|&i| (i as usize, traction[i as usize])));
+        solution
     }
 
     /// Distance of the tractions from a solution: the largest change of a traction by a projected step of the safe
     /// length.
-    fn worst(&self, question: &Question<'_>, traction: &[Complex64]) -> f64 {
+    fn worst(&self, problem: &TangentialProblem<'_>, traction: &[Complex64]) -> f64 {
         let mut worst = 0.0f64;
-        for &i in question.cells {
+        for &i in problem.cells {
             let i = i as usize;
             let q = traction[i];
-            let safe = q - self.gradient[i] * question.stiffness_mpa_per_mm;
-            worst = worst.max((within(question.push[i], question.bound[i], safe) - q).norm_sqr());
+            let safe = q - self.gradient[i] * problem.stiffness_mpa_per_mm;
+            worst = worst.max((within(problem.push[i], problem.bound[i], safe) - q).norm_sqr());
         }
         worst.sqrt()
     }
 
     /// The projected step of a length into `direction`, which ignores the compliance of the body. Returns
     /// [`Self::worst`] and how fast the energy falls along the step.
-    fn aim(&mut self, question: &Question<'_>, traction: &[Complex64], length: f64) -> (f64, f64) {
+    fn aim(&mut self, problem: &TangentialProblem<'_>, traction: &[Complex64], length: f64) -> (f64, f64) {
         let (mut worst, mut descent) = (0.0f64, 0.0);
-        for &i in question.cells {
+        for &i in problem.cells {
             let i = i as usize;
-            let (q, g, push, bound) = (traction[i], self.gradient[i], question.push[i], question.bound[i]);
-            worst = worst.max((within(push, bound, q - g * question.stiffness_mpa_per_mm) - q).norm_sqr());
+            let (q, g, push, bound) = (traction[i], self.gradient[i], problem.push[i], problem.bound[i]);
+            worst = worst.max((within(push, bound, q - g * problem.stiffness_mpa_per_mm) - q).norm_sqr());
             let d = within(push, bound, q - g * length) - q;
             descent -= dot(g, d);
             self.direction[i] = d;
@@ -226,18 +231,18 @@ impl Tangential {
     /// along d.
     fn aim_with_body(
         &mut self,
-        question: &Question<'_>,
+        problem: &TangentialProblem<'_>,
         resistance: Resistance,
         traction: &[Complex64],
         length: f64,
     ) -> f64 {
-        let mut here = self.first_load(question, resistance, traction, length);
+        let mut here = self.first_load(problem, resistance, traction, length);
         let (mut newton, mut share) = (Motion::ZERO, 0.0);
         let (mut lowest, mut slope) = (f64::INFINITY, 0.0);
         for _ in 0..MOST_SWEEPS_COUNT {
             let push = added(here, newton, share);
             let back = resistance.retreat(push);
-            let sweep = self.sweep(question, traction, length, back);
+            let sweep = self.sweep(problem, traction, length, back);
             let height = 0.5 * work(push, back) + sweep.descent - work(sweep.load, back) - 0.5 * sweep.squares / length;
             if height > lowest + 1e-4 * share * slope {
                 share *= 0.5;
@@ -251,27 +256,27 @@ impl Tangential {
                 return sweep.descent;
             }
         }
-        let sweep = self.sweep(question, traction, length, resistance.retreat(here));
+        let sweep = self.sweep(problem, traction, length, resistance.retreat(here));
         if sweep.descends(length) {
             return sweep.descent;
         }
         // Without the rigid motion the plain step also descends, but makes little progress.
-        self.aim(question, traction, length).1
+        self.aim(problem, traction, length).1
     }
 
     /// The load that a step adds if every cell inside its bound stays inside and every other cell stays as it is.
     fn first_load(
         &self,
-        question: &Question<'_>,
+        problem: &TangentialProblem<'_>,
         resistance: Resistance,
         traction: &[Complex64],
         length: f64,
     ) -> Motion {
         let (mut spread, mut load) = (Spread::default(), Motion::ZERO);
-        for &i in question.cells {
+        for &i in problem.cells {
             let i = i as usize;
-            let (bound, lever) = (question.bound[i], question.lever[i]);
-            if (traction[i] - question.push[i]).norm_sqr() < bound * bound * (1.0 - 1e-9) {
+            let (bound, lever) = (problem.bound[i], problem.lever[i]);
+            if (traction[i] - problem.push[i]).norm_sqr() < bound * bound * (1.0 - 1e-9) {
                 load.add(lever, self.gradient[i] * -length);
                 spread.add_free(lever);
             }
@@ -280,12 +285,12 @@ impl Tangential {
     }
 
     /// The plain step against the gradient and a retreat of the body, into `direction`, with its sums.
-    fn sweep(&mut self, question: &Question<'_>, traction: &[Complex64], length: f64, back: Motion) -> Sweep {
+    fn sweep(&mut self, problem: &TangentialProblem<'_>, traction: &[Complex64], length: f64, back: Motion) -> Sweep {
         let mut sweep = Sweep { descent: 0.0, squares: 0.0, load: Motion::ZERO, spread: Spread::default() };
-        for &i in question.cells {
+        for &i in problem.cells {
             let i = i as usize;
-            let (q, g, bound, lever) = (traction[i], self.gradient[i], question.bound[i], question.lever[i]);
-            let push = question.push[i];
+            let (q, g, bound, lever) = (traction[i], self.gradient[i], problem.bound[i], problem.lever[i]);
+            let push = problem.push[i];
             let z = q - (g + back.at(lever)) * length - push;
             let squared = z.norm_sqr();
             let d = if squared <= bound * bound {
@@ -309,20 +314,20 @@ impl Tangential {
     fn yielding(
         &mut self,
         surface: &mut impl Surface,
-        question: &Question<'_>,
+        problem: &TangentialProblem<'_>,
         traction: &[Complex64],
         start: bool,
     ) -> (Motion, f64) {
         let field = if start { traction } else { &self.direction };
         surface.shift_of_traction(field, &mut self.answer);
-        if !question.interface.is_empty() {
-            for &i in question.cells {
+        if !problem.interface.is_empty() {
+            for &i in problem.cells {
                 let i = i as usize;
-                self.answer[i] += field[i] * question.interface[i];
+                self.answer[i] += field[i] * problem.interface[i];
             }
         }
-        let Some(resistance) = question.resistance else { return (Motion::ZERO, 0.0) };
-        let load = load_of(question, question.cells.iter().map(|&i| (i as usize, field[i as usize])));
+        let Some(resistance) = problem.resistance else { return (Motion::ZERO, 0.0) };
+        let load = load_of(problem, problem.cells.iter().map(|&i| (i as usize, field[i as usize])));
         let back = resistance.retreat(load);
         (back, work(load, back))
     }
@@ -347,10 +352,10 @@ impl Sweep {
 }
 
 /// B^T q: force and torque, per unit of cell area unless the resistance scales it.
-fn load_of(question: &Question<'_>, tractions: impl Iterator<Item = (usize, Complex64)>) -> Motion {
+fn load_of(problem: &TangentialProblem<'_>, tractions: impl Iterator<Item = (usize, Complex64)>) -> Motion {
     let mut load = Motion::ZERO;
     for (i, q) in tractions {
-        load.add(question.lever[i], q);
+        load.add(problem.lever[i], q);
     }
     load
 }

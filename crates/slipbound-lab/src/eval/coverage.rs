@@ -19,7 +19,7 @@ const COVERED: [f64; 5] = [1.0, 0.9, 0.75, 0.5, 0.25];
 const LEAST_RAMPS: usize = 20;
 
 /// The ramps of a detector whose margin has a stated error, in order of increasing error.
-fn by_surety<'a>(records: &'a [TrialRecord], detector: &str) -> Vec<(f64, &'a TrialRecord)> {
+fn by_stated_error<'a>(records: &'a [TrialRecord], detector: &str) -> Vec<(f64, &'a TrialRecord)> {
     let of = records.iter().filter(|r| r.detector == detector);
     let mut ramps: Vec<_> = of.filter_map(|r| Some((r.number_of(MARGIN_SD)?, r))).collect();
     ramps.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.number.cmp(&b.1.number)));
@@ -43,7 +43,7 @@ pub fn margin_right(record: &TrialRecord) -> Option<bool> {
 
 /// Share of right answers (y) against the share of the ramps that are judged (x), for a detector.
 pub fn curve(records: &[TrialRecord], detector: &str, right: impl Fn(&TrialRecord) -> Option<bool>) -> Vec<(f64, f64)> {
-    let ramps = by_surety(records, detector);
+    let ramps = by_stated_error(records, detector);
     let (mut asked_count, mut right_count, mut points) = (0, 0, Vec::new());
     for (n, (_, record)) in ramps.iter().enumerate() {
         if let Some(right) = right(record) {
@@ -75,7 +75,7 @@ pub(super) fn table<'a>(records: &[TrialRecord], detectors: impl Iterator<Item =
         ],
     );
     for name in detectors {
-        let ramps = by_surety(records, name);
+        let ramps = by_stated_error(records, name);
         for covered in COVERED {
             let judged = &ramps[..(covered * ramps.len() as f64).round() as usize];
             let Some((most, _)) = judged.last() else { continue };

@@ -1,6 +1,6 @@
 //! From the results of a detector under a growing load to its record: in time, false, late, missed; how accurate.
 
-use super::facts::{Facts, kind_of_motion};
+use super::ground_truth::{GroundTruth, kind_of_motion};
 use super::record::TrialRecord;
 use super::statistics::quantile;
 use super::watch::{Seen, Watched};
@@ -93,7 +93,7 @@ impl Outcome {
 
 /// A trial, and what counts in it.
 #[derive(Debug, Clone)]
-pub struct Asked {
+pub struct ScoredTrial {
     /// Number of the trial.
     pub number: u64,
     /// Its name.
@@ -132,21 +132,21 @@ pub(super) fn left_out_note<'a>(records: impl IntoIterator<Item = &'a TrialRecor
 pub fn fractions(watched: &Watched) -> Vec<f64> {
     let whole = watched.gross.map_or(1.0, |gross| gross.load);
     watched
-        .facts
+        .truth
         .iter()
-        .map(|facts| if facts.frame < watched.load_from_frame { 0.0 } else { facts.load.unwrap_or(0.0) / whole })
+        .map(|truth| if truth.frame < watched.load_from_frame { 0.0 } else { truth.load.unwrap_or(0.0) / whole })
         .collect()
 }
 
 /// The record of a detector on a trial with a growing load.
-pub fn record(asked: &Asked, entry: &Entry, watched: &Watched, seen: &[Seen]) -> TrialRecord {
+pub fn record(scored_trial: &ScoredTrial, entry: &Entry, watched: &Watched, seen: &[Seen]) -> TrialRecord {
     let f = fractions(watched);
-    let facts = &watched.facts;
-    let is_past_gross = |n: usize| watched.gross.is_some_and(|gross| facts[n].time_s >= gross.time_s);
-    let counts = |n: &usize| facts[*n].frame >= asked.from_frame;
-    let first = (0..facts.len()).filter(counts).find(|&n| seen[n].alarms);
-    let is_judged = watched.gross.is_some() || !asked.slips;
-    let outcome = is_judged.then_some(match (asked.slips, first) {
+    let truth = &watched.truth;
+    let is_past_gross = |n: usize| watched.gross.is_some_and(|gross| truth[n].time_s >= gross.time_s);
+    let counts = |n: &usize| truth[*n].frame >= scored_trial.from_frame;
+    let first = (0..truth.len()).filter(counts).find(|&n| seen[n].alarms);
+    let is_judged = watched.gross.is_some() || !scored_trial.slips;
+    let outcome = is_judged.then_some(match (scored_trial.slips, first) {
         (false, None) => Outcome::Quiet,
         (true, None) => Outcome::Missed,
         (false, Some(_)) => Outcome::False,
@@ -154,24 +154,24 @@ pub fn record(asked: &Asked, entry: &Entry, watched: &Watched, seen: &[Seen]) ->
         (true, Some(n)) if f[n] < FALSE_BELOW_FRACTION => Outcome::False,
         (true, Some(_)) => Outcome::InTime,
     });
-    let before_gross = |n: &usize| !asked.slips || !is_past_gross(*n);
+    let before_gross = |n: &usize| !scored_trial.slips || !is_past_gross(*n);
     let highest = |frames: &mut dyn Iterator<Item = usize>| frames.map(|n| seen[n].score).fold(0.0, f64::max);
-    let score = highest(&mut (0..facts.len()).filter(counts).filter(before_gross));
-    let score_below = highest(&mut (0..facts.len()).filter(counts).filter(|&n| f[n] < FALSE_BELOW_FRACTION));
-    let loaded = || (0..facts.len()).filter(|&n| facts[n].frame >= watched.load_from_frame);
+    let score = highest(&mut (0..truth.len()).filter(counts).filter(before_gross));
+    let score_below = highest(&mut (0..truth.len()).filter(counts).filter(|&n| f[n] < FALSE_BELOW_FRACTION));
+    let loaded = || (0..truth.len()).filter(|&n| truth[n].frame >= watched.load_from_frame);
     let decided = |n: &usize| matches!(seen[*n].state, SlipState::Stick | SlipState::Incipient | SlipState::Gross);
-    let lead_ms = first.and_then(|n| Some(1e3 * (watched.gross?.time_s - facts[n].time_s)));
-    let gross_frame = (0..facts.len()).find(|&n| is_past_gross(n)).map(|n| facts[n].frame);
-    let gripping = facts.iter().zip(seen).any(|(facts, seen)| facts.frame < watched.load_from_frame && seen.alarms);
+    let lead_ms = first.and_then(|n| Some(1e3 * (watched.gross?.time_s - truth[n].time_s)));
+    let gross_frame = (0..truth.len()).find(|&n| is_past_gross(n)).map(|n| truth[n].frame);
+    let gripping = truth.iter().zip(seen).any(|(truth, seen)| truth.frame < watched.load_from_frame && seen.alarms);
     let record = TrialRecord {
-        number: asked.number,
-        trial: asked.trial.clone(),
-        object: asked.object.clone(),
+        number: scored_trial.number,
+        trial: scored_trial.trial.clone(),
+        object: scored_trial.object.clone(),
         detector: entry.name.into(),
-        truth: is_judged.then_some(asked.slips),
+        truth: is_judged.then_some(scored_trial.slips),
         verdict: first.is_some_and(|n| before_gross(&n)),
         score,
-        first_alarm_frame: first.map(|n| facts[n].frame),
+        first_alarm_frame: first.map(|n| truth[n].frame),
         more: BTreeMap::new(),
     }
     .with("outcome", outcome.map(Outcome::word))
@@ -185,7 +185,7 @@ pub fn record(asked: &Asked, entry: &Entry, watched: &Watched, seen: &[Seen]) ->
     .with("decided_frames", loaded().filter(decided).count());
     let record = with_gross(record, watched, seen, &f);
     if entry.is_ours() {
-        let record = with_estimates(record, asked, watched, seen, &f);
+        let record = with_estimates(record, scored_trial, watched, seen, &f);
         with_slip(record, watched, seen, first.filter(before_gross))
     } else {
         record
@@ -194,47 +194,53 @@ pub fn record(asked: &Asked, entry: &Entry, watched: &Watched, seen: &[Seen]) ->
 
 /// When `gross` was reported, and whether it persisted.
 fn with_gross(record: TrialRecord, watched: &Watched, seen: &[Seen], f: &[f64]) -> TrialRecord {
-    let facts = &watched.facts;
-    let said = |n: &usize| seen[*n].state == SlipState::Gross;
-    let Some(first) = (0..facts.len()).find(said) else { return record.with("gross_said_frame", None::<u64>) };
+    let truth = &watched.truth;
+    let reports_gross = |n: &usize| seen[*n].state == SlipState::Gross;
+    let Some(first) = (0..truth.len()).find(reports_gross) else { return record.with("gross_said_frame", None::<u64>) };
     // A slide that changes direction has less load along the first direction, but still slides.
-    let slid = |n: usize| watched.gross.is_some_and(|gross| facts[n].time_s >= gross.time_s);
+    let slid = |n: usize| watched.gross.is_some_and(|gross| truth[n].time_s >= gross.time_s);
     let is_true = |n: &usize| watched.gross.is_some() && (f[*n] >= GROSS_FROM_FRACTION || slid(*n));
     let is_false = !is_true(&first);
-    let record = record.with("gross_said_frame", facts[first].frame).with("gross_false", is_false);
+    let record = record.with("gross_said_frame", truth[first].frame).with("gross_false", is_false);
     let Some(gross) = watched.gross else { return record };
-    let Some(began) = (0..facts.len()).find(|&n| facts[n].time_s >= gross.time_s) else { return record };
+    let Some(began) = (0..truth.len()).find(|&n| truth[n].time_s >= gross.time_s) else { return record };
     // The first report that is not false: an early one must not count as fast.
-    let Some(true_first) = (0..facts.len()).filter(said).find(is_true) else { return record };
-    let slid_mm = (facts[true_first].pose.position_mm - gross.pose.position_mm).length()
-        + (facts[true_first].pose.turn_rad - gross.pose.turn_rad).abs() * facts[true_first].arm_mm;
-    let later = || (true_first + 1..facts.len()).filter(|&n| n > began && facts[n].slides);
+    let Some(true_first) = (0..truth.len()).filter(reports_gross).find(is_true) else { return record };
+    let slid_mm = (truth[true_first].pose.position_mm - gross.pose.position_mm).length()
+        + (truth[true_first].pose.turn_rad - gross.pose.turn_rad).abs() * truth[true_first].arm_mm;
+    let later = || (true_first + 1..truth.len()).filter(|&n| n > began && truth[n].slides);
     record
         .with("gross_delay_frames", true_first as i64 - began as i64)
         .with("gross_delay_mm", if true_first > began { slid_mm } else { 0.0 })
         .with("gross_later_frames", later().count())
-        .with("gross_kept_frames", later().filter(said).count())
+        .with("gross_kept_frames", later().filter(reports_gross).count())
 }
 
 /// Whether the grip has been steady long enough for a frame to be scored.
-fn is_steady(facts: &[Facts], n: usize) -> bool {
-    let now_n = facts[n].grip_n;
-    n >= STEADY_FRAMES && facts[n - STEADY_FRAMES..n].iter().all(|f| (f.grip_n - now_n).abs() <= 0.005 * now_n)
+fn is_steady(truth: &[GroundTruth], n: usize) -> bool {
+    let now_n = truth[n].grip_n;
+    n >= STEADY_FRAMES && truth[n - STEADY_FRAMES..n].iter().all(|f| (f.grip_n - now_n).abs() <= 0.005 * now_n)
 }
 
 /// Accuracy of the reported estimates, over the scored frames before gross slip.
-fn with_estimates(record: TrialRecord, asked: &Asked, watched: &Watched, seen: &[Seen], f: &[f64]) -> TrialRecord {
-    let facts = &watched.facts;
+fn with_estimates(
+    record: TrialRecord,
+    scored_trial: &ScoredTrial,
+    watched: &Watched,
+    seen: &[Seen],
+    f: &[f64],
+) -> TrialRecord {
+    let truth = &watched.truth;
     let Some(gross) = watched.gross else { return record };
     let under_load =
-        || (0..facts.len()).filter(|&n| facts[n].frame >= watched.load_from_frame && facts[n].time_s < gross.time_s);
-    let scored = || under_load().filter(|&n| f[n] >= SCORED_FROM_FRACTION && is_steady(facts, n));
+        || (0..truth.len()).filter(|&n| truth[n].frame >= watched.load_from_frame && truth[n].time_s < gross.time_s);
+    let scored = || under_load().filter(|&n| f[n] >= SCORED_FROM_FRACTION && is_steady(truth, n));
     let mean = |errors: &[f64]| (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64);
     let stick: Vec<f64> =
-        scored().filter_map(|n| Some((seen[n].said.stick_ratio? - facts[n].stick_ratio?).abs())).collect();
-    let margin: Vec<f64> = scored().filter_map(|n| Some((seen[n].said.margin? - (1.0 - f[n])).abs())).collect();
-    let margin_sd: Vec<f64> = scored().filter_map(|n| seen[n].said.margin_sd).collect();
-    let Some(at_gross) = facts.iter().find(|facts| facts.time_s >= gross.time_s) else { return record };
+        scored().filter_map(|n| Some((seen[n].estimates.stick_ratio? - truth[n].stick_ratio?).abs())).collect();
+    let margin: Vec<f64> = scored().filter_map(|n| Some((seen[n].estimates.margin? - (1.0 - f[n])).abs())).collect();
+    let margin_sd: Vec<f64> = scored().filter_map(|n| seen[n].estimates.margin_sd).collect();
+    let Some(at_gross) = truth.iter().find(|truth| truth.time_s >= gross.time_s) else { return record };
     let rms_share = |errors: Vec<f64>, whole: f64| {
         let squares: Vec<f64> = errors.iter().map(|error| error * error).collect();
         mean(&squares).filter(|_| whole > 0.0).map(|square| square.sqrt() / whole)
@@ -244,15 +250,15 @@ fn with_estimates(record: TrialRecord, asked: &Asked, watched: &Watched, seen: &
     let (pulls, turns) = (force_n * at_gross.arm_mm > 0.3 * torque_n_mm, torque_n_mm > 0.3 * force_n * at_gross.arm_mm);
     let shear: Vec<f64> = under_load()
         .filter(|_| pulls)
-        .filter_map(|n| Some(seen[n].said.shear_n? - facts[n].wrench.force_n.length()))
+        .filter_map(|n| Some(seen[n].estimates.shear_n? - truth[n].wrench.force_n.length()))
         .collect();
     let torque: Vec<f64> = under_load()
         .filter(|_| turns)
-        .filter_map(|n| Some(seen[n].said.torque_n_mm? - facts[n].wrench.torque_n_mm))
+        .filter_map(|n| Some(seen[n].estimates.torque_n_mm? - truth[n].wrench.torque_n_mm))
         .collect();
     let friction: Vec<f64> = scored()
         .filter(|&n| f[n] > FRICTION_FROM_FRACTION)
-        .filter_map(|n| Some((seen[n].said.friction? / asked.mu? - 1.0).abs()))
+        .filter_map(|n| Some((seen[n].estimates.friction? / scored_trial.mu? - 1.0).abs()))
         .collect();
     record
         .with(MARGIN_SD, quantile(&margin_sd, 0.5).value)
@@ -268,13 +274,13 @@ fn with_estimates(record: TrialRecord, asked: &Asked, watched: &Watched, seen: &
 
 /// Whether kind, direction and sense of rotation were right at an alarm.
 fn with_slip(record: TrialRecord, watched: &Watched, seen: &[Seen], alarm: Option<usize>) -> TrialRecord {
-    let facts = &watched.facts;
-    let before = facts.iter().rev().find(|facts| facts.frame < watched.load_from_frame);
+    let truth = &watched.truth;
+    let before = truth.iter().rev().find(|truth| truth.frame < watched.load_from_frame);
     let (Some(n), Some(before)) = (alarm, before) else { return record };
-    if facts[n].frame < watched.load_from_frame {
+    if truth[n].frame < watched.load_from_frame {
         return record;
     }
-    let (now, said) = (&facts[n], &seen[n].said);
+    let (now, estimates) = (&truth[n], &seen[n].estimates);
     let kind = kind_of_motion(before, now);
     let word = |kind: SlipKind| match kind {
         SlipKind::Translation => "translation",
@@ -282,16 +288,16 @@ fn with_slip(record: TrialRecord, watched: &Watched, seen: &[Seen], alarm: Optio
         SlipKind::Both => "both",
     };
     let slipped_mm = now.slip_mm - before.slip_mm;
-    let direction = said.direction_rad.filter(|_| kind != SlipKind::Rotation && slipped_mm.length() > 0.0);
+    let direction = estimates.direction_rad.filter(|_| kind != SlipKind::Rotation && slipped_mm.length() > 0.0);
     let apart_deg = direction.map(|rad| {
         let apart_rad = rad - slipped_mm.direction_rad();
         libm::atan2(libm::sin(apart_rad), libm::cos(apart_rad)).abs().to_degrees()
     });
     let turned_rad = now.pose.turn_rad - before.pose.turn_rad;
-    let sense = said.rotation_rad.filter(|_| kind != SlipKind::Translation).map(|rad| rad * turned_rad > 0.0);
+    let sense = estimates.rotation_rad.filter(|_| kind != SlipKind::Translation).map(|rad| rad * turned_rad > 0.0);
     record
         .with("kind_true", word(kind))
-        .with("kind_said", said.kind.map(word))
+        .with("kind_said", estimates.kind.map(word))
         .with("direction_error_deg", apart_deg)
         .with("sense_right", sense)
 }
@@ -303,10 +309,10 @@ mod tests {
     use crate::world::Gross;
 
     /// 40 frames, the load from frame 10 on, f = 0.05 a frame, gross at frame 30.
-    fn ramp(slips: bool) -> (Asked, Watched) {
-        let facts = (0..40u64).map(|frame| {
+    fn ramp(slips: bool) -> (ScoredTrial, Watched) {
+        let truth = (0..40u64).map(|frame| {
             let load = frame.saturating_sub(10) as f64 * 0.05;
-            Facts {
+            GroundTruth {
                 frame,
                 time_s: frame as f64 / 30.0,
                 load: Some(if slips { load } else { 0.1 * load }),
@@ -320,13 +326,14 @@ mod tests {
             }
         });
         let gross = slips.then(|| Gross { time_s: 1.0, load: 1.0, pose: Default::default() });
-        let watched = Watched { facts: facts.collect(), gross, load_from_frame: 10, seen: Vec::new() };
-        let asked = Asked { number: 0, trial: "t".into(), object: "o".into(), slips, from_frame: 10, mu: Some(0.8) };
-        (asked, watched)
+        let watched = Watched { truth: truth.collect(), gross, load_from_frame: 10, seen: Vec::new() };
+        let scored_trial =
+            ScoredTrial { number: 0, trial: "t".into(), object: "o".into(), slips, from_frame: 10, mu: Some(0.8) };
+        (scored_trial, watched)
     }
 
     fn seen(alarm: Option<usize>) -> Vec<Seen> {
-        let quiet = Seen { score: 0.0, alarms: false, state: SlipState::Stick, said: Default::default() };
+        let quiet = Seen { score: 0.0, alarms: false, state: SlipState::Stick, estimates: Default::default() };
         let mut seen = vec![quiet; 40];
         if let Some(n) = alarm {
             (seen[n].alarms, seen[n].state, seen[n].score) = (true, SlipState::Incipient, 2.0);
@@ -345,32 +352,33 @@ mod tests {
             (false, None, Outcome::Quiet, None),
             (false, Some(20), Outcome::False, Some(0.05)),
         ] {
-            let (asked, watched) = ramp(slips);
-            let record = record(&asked, &DETECTORS[0], &watched, &seen(alarm));
+            let (scored_trial, watched) = ramp(slips);
+            let record = record(&scored_trial, &DETECTORS[0], &watched, &seen(alarm));
             assert_eq!(Outcome::of(&record), Some(outcome), "{alarm:?}");
             assert_eq!(record.number_of("f_at_alarm").map(|f| (f * 100.0).round() / 100.0), f, "{alarm:?}");
         }
-        let (asked, watched) = ramp(true);
-        let late = record(&asked, &DETECTORS[0], &watched, &seen(Some(31)));
+        let (scored_trial, watched) = ramp(true);
+        let late = record(&scored_trial, &DETECTORS[0], &watched, &seen(Some(31)));
         assert_eq!((late.verdict, late.score), (false, 0.0), "what comes after gross slip counts for nothing");
-        let in_time = record(&asked, &DETECTORS[0], &watched, &seen(Some(20)));
+        let in_time = record(&scored_trial, &DETECTORS[0], &watched, &seen(Some(20)));
         assert!((in_time.number_of("lead_ms").expect("a lead") - 1000.0 / 3.0).abs() < 1e-6);
         assert!(
-            (record(&asked, &DETECTORS[0], &watched, &seen(Some(5))).flag_of("alarm_while_gripping")) == Some(true)
+            (record(&scored_trial, &DETECTORS[0], &watched, &seen(Some(5))).flag_of("alarm_while_gripping"))
+                == Some(true)
         );
     }
 
     #[test]
     fn a_trial_that_never_slides_though_it_should_has_no_outcome_and_no_fraction() {
-        let (asked, watched) = ramp(true);
+        let (scored_trial, watched) = ramp(true);
         let watched = Watched { gross: None, ..watched };
-        let never = record(&asked, &DETECTORS[0], &watched, &seen(Some(20)));
+        let never = record(&scored_trial, &DETECTORS[0], &watched, &seen(Some(20)));
         assert_eq!((Outcome::of(&never), never.truth, never.verdict), (None, None, true));
         assert_eq!((never.number_of("f_at_alarm"), never.number_of(SCORE_BELOW)), (None, None));
-        let (asked, watched) = ramp(false);
-        let still = record(&asked, &DETECTORS[0], &watched, &seen(None));
-        let (asked, watched) = ramp(true);
-        let slid = record(&asked, &DETECTORS[0], &watched, &seen(None));
+        let (scored_trial, watched) = ramp(false);
+        let still = record(&scored_trial, &DETECTORS[0], &watched, &seen(None));
+        let (scored_trial, watched) = ramp(true);
+        let slid = record(&scored_trial, &DETECTORS[0], &watched, &seen(None));
         assert!(never_slides(&never) && !never_slides(&still) && !never_slides(&slid));
         let old = |reaches_gross| TrialRecord { truth: Some(true), ..never.clone() }.with(REACHES_GROSS, reaches_gross);
         assert!(never_slides(&old(Some(false))) && !never_slides(&old(None)));
@@ -383,27 +391,28 @@ mod tests {
 
     #[test]
     fn gross_has_a_delay_is_kept_or_false() {
-        let (asked, watched) = ramp(true);
+        let (scored_trial, watched) = ramp(true);
         let mut seen = seen(Some(20));
         for n in [32, 33, 34, 36, 37, 38, 39] {
             seen[n].state = SlipState::Gross;
         }
-        let late = record(&asked, &DETECTORS[0], &watched, &seen);
+        let late = record(&scored_trial, &DETECTORS[0], &watched, &seen);
         assert_eq!((late.number_of("gross_delay_frames"), late.flag_of("gross_false")), (Some(2.0), Some(false)));
         assert_eq!((late.number_of("gross_later_frames"), late.number_of("gross_kept_frames")), (Some(7.0), Some(6.0)));
         seen[20].state = SlipState::Gross;
-        let early = record(&asked, &DETECTORS[0], &watched, &seen);
+        let early = record(&scored_trial, &DETECTORS[0], &watched, &seen);
         assert_eq!((early.flag_of("gross_false"), early.number_of("gross_delay_frames")), (Some(true), Some(2.0)));
     }
 
     #[test]
     fn estimates_are_scored_where_the_grip_is_steady_and_the_load_above_a_tenth() {
-        let (asked, watched) = ramp(true);
+        let (scored_trial, watched) = ramp(true);
         let mut seen = seen(Some(20));
         for seen in &mut seen {
-            (seen.said.stick_ratio, seen.said.friction, seen.said.margin_sd) = (Some(0.4), Some(0.88), Some(0.07));
+            (seen.estimates.stick_ratio, seen.estimates.friction, seen.estimates.margin_sd) =
+                (Some(0.4), Some(0.88), Some(0.07));
         }
-        let record = record(&asked, &DETECTORS[0], &watched, &seen);
+        let record = record(&scored_trial, &DETECTORS[0], &watched, &seen);
         let near = |key: &str, expected: f64| {
             let got = record.number_of(key).expect("a number");
             assert!((got - expected).abs() < 1e-9, "{key}: {got}");

@@ -170,23 +170,23 @@ impl Quiet {
 fn record(number: u64, trial: &Trial, script: &Script, watched: &Watched, entry: &Entry, seen: &[Seen]) -> TrialRecord {
     // Ours is not told when the object is held; rivals start there.
     let from_frame = if entry.is_ours() { 0 } else { watched.load_from_frame };
-    let counts = |n: usize| watched.facts[n].frame >= from_frame;
+    let counts = |n: usize| watched.truth[n].frame >= from_frame;
     let begins = |n: usize| seen[n].alarms && counts(n) && (n == 0 || !seen[n - 1].alarms || !counts(n - 1));
     let load = |n: usize| {
-        let facts = &watched.facts[n];
-        facts.wrench.force_n.length() / (trial.mu() * facts.grip_n).max(f64::MIN_POSITIVE)
+        let truth = &watched.truth[n];
+        truth.wrench.force_n.length() / (trial.mu() * truth.grip_n).max(f64::MIN_POSITIVE)
     };
     // Releasing a grip while it holds some shear is a load like any other: an alarm above a fifth of the load that
     // slides is not a false alarm.
     let (alarms, under_load): (Vec<usize>, Vec<usize>) =
         (0..seen.len()).filter(|&n| begins(n)).partition(|&n| load(n) < LEAST_LOAD_FRACTION);
-    let first = alarms.first().map(|&n| watched.facts[n].frame);
+    let first = alarms.first().map(|&n| watched.truth[n].frame);
     let event_at = |frame: u64| script.events.iter().rev().find(|(from, _)| *from <= frame).map(|(_, event)| *event);
     let mut by_event: BTreeMap<&str, u64> = BTreeMap::new();
     for &n in &alarms {
-        *by_event.entry(event_at(watched.facts[n].frame).unwrap_or("press")).or_default() += 1;
+        *by_event.entry(event_at(watched.truth[n].frame).unwrap_or("press")).or_default() += 1;
     }
-    let held = (0..seen.len()).filter(|&n| watched.facts[n].frame >= watched.load_from_frame);
+    let held = (0..seen.len()).filter(|&n| watched.truth[n].frame >= watched.load_from_frame);
     TrialRecord {
         number,
         trial: format!("quiet: {trial}"),

@@ -6,7 +6,7 @@
 use super::coverage;
 use super::digest::Digest;
 use super::error::EvalError;
-use super::outcome::{Asked, camera_seed, record, stream};
+use super::outcome::{ScoredTrial, camera_seed, record, stream};
 use super::protocol::Protocol;
 use super::ramp_tables;
 use super::record::TrialRecord;
@@ -103,7 +103,7 @@ pub(super) fn records(number: u64, name: &str, trial: &Trial, mu: Option<f64>, w
         _ => "both",
     };
     let of = |(entry, seen): &(&'static Entry, Vec<_>)| {
-        let asked = Asked {
+        let scored_trial = ScoredTrial {
             number,
             trial: name.into(),
             object: trial.object().name.into(),
@@ -112,7 +112,7 @@ pub(super) fn records(number: u64, name: &str, trial: &Trial, mu: Option<f64>, w
             from_frame: if entry.is_ours() { 0 } else { watched.load_from_frame },
             mu,
         };
-        record(&asked, entry, watched, seen)
+        record(&scored_trial, entry, watched, seen)
             .with("force_n", trial.number("force_n"))
             .with("mu", trial.mu())
             .with("ramp_s", trial.number("ramp_s"))

@@ -2,7 +2,7 @@
 //! gross slip.
 
 use super::error::EvalError;
-use super::outcome::{Asked, camera_seed, left_out_note, never_slides, record, stream};
+use super::outcome::{ScoredTrial, camera_seed, left_out_note, never_slides, record, stream};
 use super::protocol::Protocol;
 use super::ramp_tables::gross_row;
 use super::ramps::MU;
@@ -141,7 +141,7 @@ impl Protocol for Slides {
         let (speed_mm_per_s, what) = self.watch_of(number)?;
         let watched = watch(&what, detectors, None)?;
         let of = |(entry, seen): &(&'static Entry, Vec<_>)| {
-            let asked = Asked {
+            let scored_trial = ScoredTrial {
                 number,
                 trial: format!("slide at {speed_mm_per_s} mm/s: {}", what.trial),
                 object: what.trial.object().name.into(),
@@ -149,10 +149,10 @@ impl Protocol for Slides {
                 from_frame: if entry.is_ours() { 0 } else { watched.load_from_frame },
                 mu: Some(what.trial.mu()),
             };
-            let record = record(&asked, entry, &watched, seen);
+            let record = record(&scored_trial, entry, &watched, seen);
             let frames = record.number_of("gross_delay_frames").map(|frames| frames.max(0.0));
             let slid_mm = frames.map(|frames| frames / FRAME_RATE_HZ as f64 * speed_mm_per_s);
-            let last = watched.facts.last().map_or(0, |facts| facts.frame);
+            let last = watched.truth.last().map_or(0, |truth| truth.frame);
             let after = record.number_of("gross_frame").map_or(0, |gross| last.saturating_sub(gross as u64));
             record
                 .with("gross_delay_mm", slid_mm)

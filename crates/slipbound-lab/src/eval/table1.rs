@@ -5,7 +5,7 @@
 //! detector restarts at the last frame before the load, as the paper takes its reference once the object is held.
 
 use super::error::EvalError;
-use super::outcome::{Asked, Outcome, camera_seed, left_out_note, never_slides, record};
+use super::outcome::{Outcome, ScoredTrial, camera_seed, left_out_note, never_slides, record};
 use super::protocol::Protocol;
 use super::record::TrialRecord;
 use super::statistics::{auc, quantile, share};
@@ -126,7 +126,7 @@ impl Protocol for Table1 {
     fn judge(&self, number: u64, detectors: &[&'static Entry]) -> Result<Vec<TrialRecord>, EvalError> {
         let (push, what) = self.watch_of(number);
         let watched = watch(&what, detectors, None)?;
-        let asked = Asked {
+        let scored_trial = ScoredTrial {
             number,
             trial: push.trial.to_string(),
             object: push.trial.object().name.into(),
@@ -135,7 +135,7 @@ impl Protocol for Table1 {
             mu: Some(push.trial.mu()),
         };
         let force_n = push.trial.number("force_n");
-        let records = watched.seen.iter().map(|(entry, seen)| record(&asked, entry, &watched, seen));
+        let records = watched.seen.iter().map(|(entry, seen)| record(&scored_trial, entry, &watched, seen));
         Ok(records.map(|record| record.with("force_n", force_n)).collect())
     }
 

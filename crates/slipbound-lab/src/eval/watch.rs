@@ -6,9 +6,9 @@
 //! ```
 
 use super::error::EvalError;
-use super::facts::{Facts, facts};
+use super::ground_truth::{GroundTruth, ground_truth};
 use crate::random::Random;
-use crate::rivals::{Detector, Entry, Inputs, Said, said};
+use crate::rivals::{Detector, Entry, Inputs, ReportEstimates, estimates_of};
 use crate::scenes::{LoadProfile, Trial};
 use crate::world::{FRAME_RATE_HZ, Gross, Physics, World};
 use slipbound::monitor::{EstimateTrees, RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipState};
@@ -114,19 +114,19 @@ pub struct Seen {
     /// The state of its monitor.
     pub state: SlipState,
     /// Other estimates of its monitor.
-    pub said: Said,
+    pub estimates: ReportEstimates,
 }
 
 /// Results of a trial.
 #[derive(Debug, Clone, Default)]
 pub struct Watched {
     /// Ground truth of every frame from the first touch on.
-    pub facts: Vec<Facts>,
+    pub truth: Vec<GroundTruth>,
     /// Gross slip; None if it never occurred.
     pub gross: Option<Gross>,
     /// Number of the first frame under load: the first after the grip has settled.
     pub load_from_frame: u64,
-    /// By detector, as many frames as there are facts.
+    /// By detector, as many frames as in the ground truth.
     pub seen: Vec<(&'static Entry, Vec<Seen>)>,
 }
 
@@ -134,20 +134,20 @@ pub struct Watched {
 pub type Onlooker<'a> = dyn FnMut(&FrameBuffer, &SlipReport, &SlipMonitor) + 'a;
 
 /// A monitor and the detectors that read it.
-struct Desk {
+struct MonitorGroup {
     inputs: Inputs,
     monitor: SlipMonitor,
     detectors: Vec<(&'static Entry, Box<dyn Detector>, Vec<Seen>)>,
 }
 
-impl Desk {
+impl MonitorGroup {
     fn see(&mut self, frame: &FrameBuffer, grip: GripSample) -> Result<SlipReport, EvalError> {
         let report = self.monitor.step(&frame.frame()?, self.inputs.has_force().then_some(grip));
         for (entry, detector, seen) in &mut self.detectors {
             let score = detector.see(&self.monitor, &report);
             let alarms = detector.alarms(score, &report);
-            let said = if entry.is_ours() { said(&report) } else { Said::default() };
-            seen.push(Seen { score, alarms, state: report.state, said });
+            let estimates = if entry.is_ours() { estimates_of(&report) } else { ReportEstimates::default() };
+            seen.push(Seen { score, alarms, state: report.state, estimates });
         }
         Ok(report)
     }
@@ -167,10 +167,10 @@ impl Desk {
 }
 
 /// The finger as configured for the method: its shear stiffness is scaled.
-fn told_sensor(world: &World, scale: f64) -> Sensor {
+fn configured_sensor(world: &World, scale: f64) -> Sensor {
     let sensor = world.sensor();
-    let told = |shear: Shear| Shear { stiffness_n_per_pitch: scale * shear.stiffness_n_per_pitch, ..shear };
-    Sensor { shear: sensor.shear.map(told), ..sensor }
+    let scaled = |shear: Shear| Shear { stiffness_n_per_pitch: scale * shear.stiffness_n_per_pitch, ..shear };
+    Sensor { shear: sensor.shear.map(scaled), ..sensor }
 }
 
 /// Runs a trial with some detectors. `onlooker`: a detector, and the callback that sees its monitor.
@@ -186,15 +186,15 @@ pub fn watch(
     };
     let mut world = World::with(trial, profile, &watch.physics)?;
     world.go_on_after_gross(GROSS_WITHIN_FRAMES);
-    let sensor = told_sensor(&world, watch.stiffness_scale);
+    let sensor = configured_sensor(&world, watch.stiffness_scale);
     let rest_frames = trial.number("rest_frames") as u64;
     let load_from_frame = watch.load_from_frame();
-    let mut desks = desks(&mut world, &sensor, entries, rest_frames)?;
+    let mut groups = monitor_groups(&mut world, &sensor, entries, rest_frames)?;
     if let Some(trees) = &watch.estimate_by {
-        desks.iter_mut().for_each(|desk| desk.monitor.estimate_by(trees));
+        groups.iter_mut().for_each(|group| group.monitor.estimate_by(trees));
     }
     let mut readings = Random::of(trial.seed, 0x6121);
-    let mut told = watch.reading.of(0.0, &mut readings);
+    let mut grip_sample = watch.reading.of(0.0, &mut readings);
     let mut watched = Watched { load_from_frame, ..Watched::default() };
     let mut frame = FrameBuffer::default();
     let mut stills = watch.stills.iter().copied().peekable();
@@ -203,7 +203,7 @@ pub fn watch(
         if standing > 0 {
             standing -= 1;
             still_count += 1;
-            world.photograph_again(still_count | 1 << 40, &mut frame)?;
+            world.render_again(still_count | 1 << 40, &mut frame)?;
         } else if world.next(&mut frame)? != Next::Frame {
             break;
         } else if let Some((_, count)) = stills.next_if(|(at, _)| *at == world.truth().frame) {
@@ -211,19 +211,19 @@ pub fn watch(
         }
         frame.seq = world.truth().frame + still_count;
         frame.time_ns = Some(frame.seq * 1_000_000_000 / FRAME_RATE_HZ);
-        for desk in &mut desks {
-            let report = desk.see(&frame, told)?;
+        for group in &mut groups {
+            let report = group.see(&frame, grip_sample)?;
             if let Some((name, look)) = &mut onlooker
-                && desk.detectors.iter().any(|(entry, ..)| entry.name == *name)
+                && group.detectors.iter().any(|(entry, ..)| entry.name == *name)
             {
-                look(&frame, &report, &desk.monitor);
+                look(&frame, &report, &group.monitor);
             }
             if frame.seq + 1 == load_from_frame {
-                desk.restart(frame.seq, watch.restarts);
+                group.restart(frame.seq, watch.restarts);
             }
         }
-        watched.facts.push(facts(&world, frame.seq));
-        told = watch.reading.of(world.truth().grip_force_n, &mut readings);
+        watched.truth.push(ground_truth(&world, frame.seq));
+        grip_sample = watch.reading.of(world.truth().grip_force_n, &mut readings);
         left = left.map(|left: u64| left.saturating_sub(1)).or(world.gross().and(watch.frames_after_gross));
         if left == Some(0) {
             break;
@@ -231,19 +231,19 @@ pub fn watch(
     }
     watched.gross = world.gross();
     let mut seen: Vec<_> =
-        desks.into_iter().flat_map(|desk| desk.detectors).map(|(entry, _, seen)| (entry, seen)).collect();
+        groups.into_iter().flat_map(|group| group.detectors).map(|(entry, _, seen)| (entry, seen)).collect();
     seen.sort_by_key(|(entry, _)| entries.iter().position(|other| other.name == entry.name));
     watched.seen = seen;
     Ok(watched)
 }
 
 /// Monitors for the inputs of the detectors, from the frames at rest.
-fn desks(
+fn monitor_groups(
     world: &mut World,
     sensor: &Sensor,
     entries: &[&'static Entry],
     rest_frames: u64,
-) -> Result<Vec<Desk>, EvalError> {
+) -> Result<Vec<MonitorGroup>, EvalError> {
     let mut inputs: Vec<Inputs> = entries.iter().map(|entry| entry.inputs).collect();
     inputs.sort();
     inputs.dedup();
@@ -272,17 +272,17 @@ fn desks(
         monitors.push((settings, monitor));
     }
     // Without a rest frame there is no monitor, and no detector runs.
-    let desk = |inputs: Inputs| {
+    let group = |inputs: Inputs| {
         let settings = inputs.settings();
         let (_, monitor) = monitors.iter().find(|(known, _)| *known == settings)?;
         let detectors = entries.iter().filter(|entry| entry.inputs == inputs);
-        Some(Desk {
+        Some(MonitorGroup {
             inputs,
             monitor: monitor.clone(),
             detectors: detectors.map(|entry| (*entry, entry.make(), Vec::new())).collect(),
         })
     };
-    Ok(inputs.into_iter().filter_map(desk).collect())
+    Ok(inputs.into_iter().filter_map(group).collect())
 }
 
 #[cfg(test)]
@@ -310,7 +310,7 @@ mod tests {
         let what = Watch::new(Trial::parse(scene).expect("a trial"), Restarts::Rivals);
         let watched = watch(&what, &[], None).expect("a sound trial");
         let gross_s = watched.gross.expect("it slides").time_s;
-        let after_count = watched.facts.iter().filter(|facts| facts.time_s >= gross_s).count() as u64;
+        let after_count = watched.truth.iter().filter(|truth| truth.time_s >= gross_s).count() as u64;
         assert_eq!(
             after_count,
             GROSS_WITHIN_FRAMES + 1,
@@ -318,7 +318,7 @@ mod tests {
         );
     }
 
-    /// Also holds for a guest, which may read displacements from the monitor's reference.
+    /// Also holds for a custom detector, which may read displacements from the monitor's reference.
     #[test]
     fn a_rival_is_told_the_same_whoever_else_is_asked() {
         let trial =

@@ -1,6 +1,6 @@
 //! Camera faults that begin at a given time during a task: to show that the object stays held.
 
-use super::picture::{copy_picture, encode_again};
+use super::image::{copy_image, encode_again};
 use slipbound::hand::Side;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use std::fmt;
@@ -120,8 +120,8 @@ impl<S: FrameSource> FrameSource for CameraFaults<S> {
         match fault.kind {
             // Stored before the fault begins; a camera that is frozen from the start repeats its first image.
             CameraFaultKind::Frozen => match &mut self.last {
-                Some(last) if has_begun => copy_picture(last, into),
-                Some(last) => copy_picture(into, last),
+                Some(last) if has_begun => copy_image(last, into),
+                Some(last) => copy_image(into, last),
                 None => self.last = Some(into.clone()),
             },
             _ if !has_begun => {}

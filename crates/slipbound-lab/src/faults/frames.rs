@@ -1,8 +1,8 @@
 //! Random faults of single frames. The faults of a frame are drawn from the seed and the frame number alone, so they do
 //! not depend on when it is read.
 
+use super::image::{copy_image, encode_again};
 use super::paint::{blur_rows, hide_spots, multiply};
-use super::picture::{copy_picture, encode_again};
 use crate::random::Random;
 use serde::Serialize;
 use slipbound::image::SizePx;
@@ -160,7 +160,7 @@ impl<S: FrameSource> Faulty<S> {
             if self.is_hit_by(2, into.seq, self.faults.stale_fraction)
                 && let Some(before) = &self.before
             {
-                copy_picture(before, into);
+                copy_image(before, into);
             }
             self.before = Some(into.clone());
         }

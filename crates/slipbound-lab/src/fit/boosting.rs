@@ -92,18 +92,18 @@ impl<const N: usize> Ensemble<N> {
             .flat_map(|row| row.features.iter().zip(&edges))
             .map(|(value, edges)| edges.partition_point(|edge| *value > f64::from(*edge)) as u8)
             .collect();
-        let mut said: Vec<[f64; N]> = vec![base.map(f64::from); rows.len()];
+        let mut predictions: Vec<[f64; N]> = vec![base.map(f64::from); rows.len()];
         let mut sums = vec![Sums::NONE; rows.len()];
         let mut trees = Vec::with_capacity(how.trees_count);
         let mut nodes = vec![0usize; rows.len()];
         for _ in 0..how.trees_count {
-            for ((sums, row), said) in sums.iter_mut().zip(rows).zip(&said) {
-                *sums = residual(row.weight, targets(row), said, how.loss);
+            for ((sums, row), prediction) in sums.iter_mut().zip(rows).zip(&predictions) {
+                *sums = residual(row.weight, targets(row), prediction, how.loss);
             }
             let tree = grow(&sums, &bins, &edges, &mut nodes, how);
-            for (said, node) in said.iter_mut().zip(&nodes) {
+            for (prediction, node) in predictions.iter_mut().zip(&nodes) {
                 let leaf = tree.leaves[node - tree.features.len()];
-                said.iter_mut().zip(leaf).for_each(|(said, leaf)| *said += f64::from(leaf));
+                prediction.iter_mut().zip(leaf).for_each(|(prediction, leaf)| *prediction += f64::from(leaf));
             }
             trees.push(tree);
         }
@@ -152,11 +152,11 @@ fn edges(rows: &[Row], feature: usize) -> Vec<f32> {
 }
 
 /// Contribution of a row to a node: the gradient of its loss and, as its weight, the curvature.
-fn residual<const N: usize>(weight: f64, targets: [f64; N], said: &[f64; N], loss: Loss) -> Sums<N> {
+fn residual<const N: usize>(weight: f64, targets: [f64; N], prediction: &[f64; N], loss: Loss) -> Sums<N> {
     match loss {
-        Loss::Squares => Sums { weight, residuals: std::array::from_fn(|n| weight * (targets[n] - said[n])) },
+        Loss::Squares => Sums { weight, residuals: std::array::from_fn(|n| weight * (targets[n] - prediction[n])) },
         Loss::Logistic => {
-            let likely = said.map(|odds| 1.0 / (1.0 + libm::exp(-odds)));
+            let likely = prediction.map(|odds| 1.0 / (1.0 + libm::exp(-odds)));
             let curved = likely.iter().map(|p| p * (1.0 - p)).sum::<f64>() / N as f64;
             Sums { weight: weight * curved, residuals: std::array::from_fn(|n| weight * (targets[n] - likely[n])) }
         }
@@ -204,8 +204,8 @@ fn grow<const N: usize>(
     }
     for (leaf, sums) in tree.leaves.iter_mut().zip(sums) {
         // Six decimals are finer than any estimate.
-        let said = |sum: f64| ((how.shrinkage * sum / (sums.weight + how.ridge) * 1e6).round() / 1e6 + 0.0) as f32;
-        *leaf = sums.residuals.map(said);
+        let value = |sum: f64| ((how.shrinkage * sum / (sums.weight + how.ridge) * 1e6).round() / 1e6 + 0.0) as f32;
+        *leaf = sums.residuals.map(value);
     }
     tree
 }

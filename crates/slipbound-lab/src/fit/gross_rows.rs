@@ -2,12 +2,12 @@
 //! force.
 
 use super::row::Row;
-use super::split::{TRAINING_SEED, body_of, gross_later, monitor_at_rest, reading, training_trial};
-use crate::eval::facts::facts;
+use super::split::{TRAINING_SEED, gross_later, monitor_at_rest, reading, shape_of, training_trial};
+use crate::eval::ground_truth::ground_truth;
 use crate::eval::quiet::Quiet;
 use crate::eval::slides::Slides;
 use crate::eval::watch::{Restarts, Watch};
-use crate::eval::{EvalError, Facts};
+use crate::eval::{EvalError, GroundTruth};
 use crate::world::World;
 use slipbound::monitor::SlideFeatures;
 use slipbound::port::{FrameBuffer, FrameSource, Next};
@@ -17,7 +17,7 @@ use slipbound::port::{FrameBuffer, FrameSource, Next};
 const FIRST_TRIAL: u64 = 2000;
 
 /// Rows from this number on have a random shape instead of the object.
-const BODIES_FROM: u64 = 2000;
+const RANDOM_SHAPES_FROM: u64 = 2000;
 
 /// Every fifth trial is a guided slide.
 const SLIDES_EVERY: u64 = 5;
@@ -42,7 +42,7 @@ const STANDS_MM: f64 = 0.002;
 /// Features of a frame, with the grip force and without it, and its ground truth.
 struct Seen {
     features: [Option<SlideFeatures>; 2],
-    facts: Facts,
+    truth: GroundTruth,
     slides: bool,
 }
 
@@ -52,8 +52,8 @@ fn is_quiet(number: u64) -> bool {
 
 fn watched(number: u64) -> Option<Watch> {
     let mut watch = watched_with_name(number)?;
-    if number >= BODIES_FROM && !is_quiet(number) {
-        watch.physics.object = Some(body_of(FIRST_TRIAL + number));
+    if number >= RANDOM_SHAPES_FROM && !is_quiet(number) {
+        watch.physics.object = Some(shape_of(FIRST_TRIAL + number));
     }
     Some(watch)
 }
@@ -81,24 +81,24 @@ pub fn gross_rows_of(number: u64) -> Result<[Vec<Row>; 2], EvalError> {
     let mut monitor = monitor_at_rest(&mut world, &mut frame)?;
     let mut alone = monitor.clone();
     let (reading, mut readings) = reading(FIRST_TRIAL + number);
-    let mut told = reading.of(0.0, &mut readings);
+    let mut grip_sample = reading.of(0.0, &mut readings);
     let mut seen: Vec<Seen> = Vec::new();
-    let (mut gross_grip_n, mut before, mut after) = (None, None::<Facts>, 0);
+    let (mut gross_grip_n, mut before, mut after) = (None, None::<GroundTruth>, 0);
     while world.next(&mut frame)? == Next::Frame {
-        monitor.step(&frame.frame()?, Some(told));
+        monitor.step(&frame.frame()?, Some(grip_sample));
         alone.step(&frame.frame()?, None);
-        let facts = facts(&world, frame.seq);
-        told = reading.of(facts.grip_n, &mut readings);
+        let truth = ground_truth(&world, frame.seq);
+        grip_sample = reading.of(truth.grip_n, &mut readings);
         if world.gross().is_none() || gross_grip_n.is_none() {
-            gross_grip_n = Some(facts.grip_n);
+            gross_grip_n = Some(truth.grip_n);
         }
         let moved_mm = before.map_or(0.0, |before| {
-            (facts.pose.position_mm - before.pose.position_mm).length()
-                + (facts.pose.turn_rad - before.pose.turn_rad).abs() * facts.arm_mm
+            (truth.pose.position_mm - before.pose.position_mm).length()
+                + (truth.pose.turn_rad - before.pose.turn_rad).abs() * truth.arm_mm
         });
-        before = Some(facts);
+        before = Some(truth);
         let features = [monitor.slide_features().copied(), alone.slide_features().copied()];
-        seen.push(Seen { features, facts, slides: facts.slides && moved_mm > STANDS_MM });
+        seen.push(Seen { features, truth, slides: truth.slides && moved_mm > STANDS_MM });
         after += u64::from(world.gross().is_some());
         if watch.frames_after_gross.is_some_and(|most| after > most) {
             break;
@@ -106,19 +106,19 @@ pub fn gross_rows_of(number: u64) -> Result<[Vec<Row>; 2], EvalError> {
     }
     let object = watch.physics.object.map_or(trial.object().name, |object| object.name);
     let gross = world.gross().or_else(|| gross_later(trial, &watch.physics));
-    let truth = |Seen { facts, slides, .. }: &Seen| -> Option<[f64; 2]> {
-        let stick_ratio = facts.stick_ratio?;
-        if world.gross().is_some_and(|gross| facts.time_s >= gross.time_s) {
+    let targets = |Seen { truth, slides, .. }: &Seen| -> Option<[f64; 2]> {
+        let stick_ratio = truth.stick_ratio?;
+        if world.gross().is_some_and(|gross| truth.time_s >= gross.time_s) {
             return match slides {
                 true => Some([1.0, 1.0]),
                 false if stick_ratio > STICKS_AGAIN => Some([0.0, 1.0]),
                 false => None,
             };
         }
-        let used = match (facts.load, &gross) {
-            (None, _) => facts.wrench.force_n.length() / (trial.mu() * facts.grip_n).max(1e-6),
+        let used = match (truth.load, &gross) {
+            (None, _) => truth.wrench.force_n.length() / (trial.mu() * truth.grip_n).max(1e-6),
             // The load at which an object slides is proportional to the grip.
-            (Some(load), Some(gross)) => load / facts.grip_n.max(1e-6) * gross_grip_n? / gross.load,
+            (Some(load), Some(gross)) => load / truth.grip_n.max(1e-6) * gross_grip_n? / gross.load,
             (Some(_), None) => return None,
         };
         (used < EITHER_FROM_FRACTION).then_some([0.0, used])
@@ -127,7 +127,7 @@ pub fn gross_rows_of(number: u64) -> Result<[Vec<Row>; 2], EvalError> {
     let rows = |knowing: usize| {
         seen.iter()
             .step_by(stride)
-            .filter_map(|seen| Some((seen.features[knowing]?, truth(seen)?)))
+            .filter_map(|seen| Some((seen.features[knowing]?, targets(seen)?)))
             .map(|(features, targets)| Row::new(number, object, 1.0, trial.mu(), targets, &features))
             .collect()
     };

@@ -1,6 +1,6 @@
 //! The training split: random trials with seeds that no table of results uses.
 
-use super::bodies::random_body;
+use super::random_shapes::random_shape;
 use super::row::Row;
 use crate::eval::EvalError;
 use crate::eval::quiet::Quiet;
@@ -39,9 +39,9 @@ const QUIET_EVERY: u64 = 40;
 const SLIPPERY_FRACTION: f64 = 0.2;
 
 /// Trials from this number on have a random shape instead of the object.
-const BODIES_FROM: u64 = 2400;
+const RANDOM_SHAPES_FROM: u64 = 2400;
 /// Weight of a row of theirs: there are nearly as many of them as of the eleven objects together.
-const BODY_WEIGHT: f64 = 0.5;
+const RANDOM_SHAPE_WEIGHT: f64 = 0.5;
 
 /// A trial of the split: mostly pulls and turns up to gross slip, some below it, some without load.
 pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
@@ -131,8 +131,8 @@ pub fn training_trial(number: u64) -> Result<Trial, SettingError> {
 }
 
 /// The random shape of a trial.
-pub(super) fn body_of(number: u64) -> Object {
-    random_body(&mut Random::of(TRAINING_SEED + 2, number))
+pub(super) fn shape_of(number: u64) -> Object {
+    random_shape(&mut Random::of(TRAINING_SEED + 2, number))
 }
 
 /// Gross slip of a ramp that stops before it, if the load had continued to grow.
@@ -172,7 +172,7 @@ pub(super) fn reading(number: u64) -> (Reading, Random) {
 fn world_of(number: u64) -> Option<(Trial, World, Physics)> {
     if number % QUIET_EVERY != QUIET_EVERY / 2 {
         let trial = training_trial(number).ok()?;
-        let object = (number >= BODIES_FROM).then(|| body_of(number));
+        let object = (number >= RANDOM_SHAPES_FROM).then(|| shape_of(number));
         let physics = Physics { object, ..Physics::default() };
         let world = World::with(&trial, trial.load_profile().ok()?, &physics).ok()?;
         return Some((trial, world, physics));
@@ -191,12 +191,12 @@ pub fn rows_of(number: u64) -> Result<Vec<Row>, EvalError> {
     let mut seen: Vec<(Features, [f64; 2], f64, f64)> = Vec::new();
     let mut gross_grip_n = None;
     let (reading, mut readings) = reading(number);
-    let mut told = reading.of(0.0, &mut readings);
+    let mut grip_sample = reading.of(0.0, &mut readings);
     while world.next(&mut frame)? == Next::Frame {
         let truth = world.truth();
         let grip_n = truth.grip_force_n;
-        monitor.step(&frame.frame()?, Some(told));
-        told = reading.of(grip_n, &mut readings);
+        monitor.step(&frame.frame()?, Some(grip_sample));
+        grip_sample = reading.of(grip_n, &mut readings);
         let (Some(features), Some(stick)) = (monitor.features(), truth.stick_ratio) else { continue };
         // The load at which an object slides is proportional to the grip.
         let load_n = truth.load.map(|load| load / grip_n.max(1e-6));
@@ -218,8 +218,8 @@ pub fn rows_of(number: u64) -> Result<Vec<Row>, EvalError> {
             // It never slid: the load that would have made it slide is unknown.
             None => return None,
         };
-        let of_body = if physics.object.is_some() { BODY_WEIGHT } else { 1.0 };
-        let weight = of_body * if is_ramp { 1.0 } else { QUIET_WEIGHT };
+        let shape_weight = if physics.object.is_some() { RANDOM_SHAPE_WEIGHT } else { 1.0 };
+        let weight = shape_weight * if is_ramp { 1.0 } else { QUIET_WEIGHT };
         Some(Row::new(number, object, weight, trial.mu(), [used.clamp(0.0, 1.1), stick], &features))
     });
     Ok(rows.collect())

@@ -44,7 +44,7 @@ struct Patch {
 pub struct Imprint {
     reference: Reference,
     taken_count: u32,
-    wants_picture: bool,
+    wants_image: bool,
     patches: Vec<Patch>,
     at_px: Vec<Option<Vec2>>,
 }
@@ -127,9 +127,9 @@ impl Detector for Imprint {
         if self.reference.moved(monitor, report).is_empty() {
             return 0.0;
         }
-        if self.wants_picture || self.reference.taken_count != self.taken_count {
+        if self.wants_image || self.reference.taken_count != self.taken_count {
             self.taken_count = self.reference.taken_count;
-            self.wants_picture = false;
+            self.wants_image = false;
             self.take(monitor);
             return 0.0;
         }
@@ -151,7 +151,7 @@ impl Detector for Imprint {
     /// The patches are taken from the next frame, because the last image is no longer available.
     fn restart(&mut self) {
         self.reference.restart();
-        self.wants_picture = true;
+        self.wants_image = true;
     }
 }
 

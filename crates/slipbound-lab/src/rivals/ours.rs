@@ -35,7 +35,7 @@ fn score(report: &SlipReport) -> f64 {
 
 /// The estimates of a report besides its state. None if absent.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Said {
+pub struct ReportEstimates {
     /// Stick ratio of the contact.
     pub stick_ratio: Option<f64>,
     /// Slip margin, 1 - f.
@@ -57,10 +57,10 @@ pub struct Said {
 }
 
 /// Reads a report: the only place where its estimates enter the scores.
-pub fn said(report: &SlipReport) -> Said {
+pub fn estimates_of(report: &SlipReport) -> ReportEstimates {
     let estimates = &report.estimates;
     let value = |estimate: Option<Estimate>| estimate.map(|estimate| estimate.value);
-    Said {
+    ReportEstimates {
         stick_ratio: value(estimates.stick_ratio),
         margin: value(estimates.margin),
         margin_sd: estimates.margin.map(|margin| margin.sd),

@@ -2,7 +2,9 @@
 
 use super::exact::SphereOnHalfSpace;
 use super::row::Row;
-use crate::contact::{Grid, Grip, Normal, OneSurface, Question, Response, Stop, Tangential, half_space_response};
+use crate::contact::{
+    Grid, Grip, Normal, OneSurface, Response, Stop, Tangential, TangentialProblem, half_space_response,
+};
 use num_complex::Complex64;
 use std::f64::consts::PI;
 
@@ -68,7 +70,7 @@ impl Bench {
         // The theories do not include an in-plane push of the pressure, and neither does this case: traction is
         // friction.
         let push = vec![Complex64::new(0.0, 0.0); count];
-        let question = Question {
+        let problem = TangentialProblem {
             cells: &cells,
             push: &push,
             bound: &bound,
@@ -81,14 +83,14 @@ impl Bench {
         };
         let window = self.grid.whole();
         let mut surface = OneSurface { response: &mut self.response, window, stride: SIDE_CELLS };
-        let held = Tangential::new(count).solve(&mut surface, &question, &mut traction);
-        assert!(held.converged, "{held:?}");
+        let solution = Tangential::new(count).solve(&mut surface, &problem, &mut traction);
+        assert!(solution.converged, "{solution:?}");
         let stuck = cells.iter().filter(|&&i| {
             let i = i as usize;
             traction[i].norm_sqr().sqrt() < bound[i] * (1.0 - 1e-9)
         });
         let area = self.grid.cell_area_mm2();
-        (held.load.shift.re * area, held.load.turn * area, self.area_radius_mm(stuck.count()))
+        (solution.load.shift.re * area, solution.load.turn * area, self.area_radius_mm(stuck.count()))
     }
 }
 

@@ -20,13 +20,13 @@ pub struct Gross {
 
 /// Stick ratio up to which hardly any cell sticks, and the number of substeps of that which is gross slip: two frames,
 /// in which the load of a ramp of 2 s grows by more than is missing to the largest work.
-pub(crate) const STICKS_HARDLY: f64 = 0.05;
-const STICKS_HARDLY_SUBSTEPS: u32 = 8;
+pub(crate) const FULL_SLIP_STICK_RATIO: f64 = 0.05;
+const FULL_SLIP_SUBSTEPS: u32 = 8;
 
 /// A pulled object runs off when its rim moves this far in this many substeps, a frame, mm: gel that is sheared within
 /// 0.4 s moves by less.
-const RUNS_OFF_MM: f64 = 1.5;
-const RUNS_OFF_SUBSTEPS: usize = 4;
+const RUNAWAY_MM: f64 = 1.5;
+const RUNAWAY_SUBSTEPS: usize = 4;
 const RIM_MM: f64 = 5.0;
 
 /// Detects gross slip.
@@ -36,9 +36,9 @@ pub(super) struct GrossWatch {
     pulled: bool,
     may_bend: bool,
     /// Poses in the substeps of the last frame, the oldest first.
-    poses: [Pose; RUNS_OFF_SUBSTEPS],
+    poses: [Pose; RUNAWAY_SUBSTEPS],
     /// Start of the interval in which hardly any cell sticks, and its number of substeps.
-    sticks_hardly: Option<(Gross, u32)>,
+    full_slip: Option<(Gross, u32)>,
     found: Option<Gross>,
     friction_used: Option<f64>,
 }
@@ -51,7 +51,7 @@ impl GrossWatch {
             pulled,
             may_bend,
             poses: Default::default(),
-            sticks_hardly: None,
+            full_slip: None,
             found: None,
             friction_used: None,
         }
@@ -78,13 +78,13 @@ impl GrossWatch {
         }
         let shift_mm = (truth.pose.position_mm - began.position_mm).length();
         let rim_mm = shift_mm + RIM_MM * (truth.pose.turn_rad - began.turn_rad).abs();
-        let runs_off = self.pulled && rim_mm >= RUNS_OFF_MM;
+        let is_runaway = self.pulled && rim_mm >= RUNAWAY_MM;
         let now = Gross { time_s, load, pose: truth.pose };
-        let sticks_hardly = self.may_bend && truth.stick_ratio.is_some_and(|stick_ratio| stick_ratio <= STICKS_HARDLY);
-        self.sticks_hardly =
-            sticks_hardly.then(|| self.sticks_hardly.map_or((now, 1), |(since, count)| (since, count + 1)));
-        let since = self.sticks_hardly.filter(|(_, count)| *count >= STICKS_HARDLY_SUBSTEPS).map(|(since, _)| since);
-        self.found = if truth.slides_as_a_whole() || runs_off { Some(now) } else { since };
+        let is_full_slip =
+            self.may_bend && truth.stick_ratio.is_some_and(|stick_ratio| stick_ratio <= FULL_SLIP_STICK_RATIO);
+        self.full_slip = is_full_slip.then(|| self.full_slip.map_or((now, 1), |(since, count)| (since, count + 1)));
+        let since = self.full_slip.filter(|(_, count)| *count >= FULL_SLIP_SUBSTEPS).map(|(since, _)| since);
+        self.found = if truth.slides_as_a_whole() || is_runaway { Some(now) } else { since };
         self.found.is_some()
     }
 }

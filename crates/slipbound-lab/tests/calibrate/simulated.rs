@@ -13,7 +13,7 @@ use slipbound_lab::render::{Renderer, Surface, Surroundings};
 
 /// The simulated GelSlim at rest with all its surroundings: the camera frame after JPEG 85; its grid of dots without
 /// jitter, about the middle of the nodes, and its position in the camera image.
-fn photograph(seed: u64) -> (Truth, Vec<Vec2>, FrameBuffer, SizePx) {
+fn render_frame(seed: u64) -> (Truth, Vec<Vec2>, FrameBuffer, SizePx) {
     let mut camera = Renderer::gelslim(seed).with_surroundings(Surroundings::Full);
     let (sensor, size) = (camera.sensor(), camera.size());
     let grid = FingerSettings::standard().grid;
@@ -45,7 +45,7 @@ fn a_simulated_finger_is_calibrated_among_its_surroundings() {
     let (from, count) = (number("SLIPBOUND_CALIBRATE_FROM", 0), number("SLIPBOUND_CALIBRATE_COUNT", 6));
     let (mut right, mut refused, mut wrong, mut errors) = (0, 0, 0, Vec::new());
     for seed in from..from + count {
-        let (truth, nodes, picture, size) = photograph(seed);
+        let (truth, nodes, picture, size) = render_frame(seed);
         let frame =
             Frame { pixels: Pixels::Rgb(Rgb::new(&picture.pixels, size).expect("whole")), seq: 0, time_ns: None };
         let known = KnownFacts { flip: Flip::Vertical, skin: Skin::Fabric, ..known() };
@@ -84,7 +84,7 @@ fn a_simulated_finger_is_calibrated_among_its_surroundings() {
 #[test]
 fn the_grid_begins_where_its_markers_do() {
     for (seed, flip) in [(0, Flip::None), (1, Flip::None), (2, Flip::Vertical), (3, Flip::None)] {
-        let (_, nodes, picture, size) = photograph(seed);
+        let (_, nodes, picture, size) = render_frame(seed);
         let frame =
             Frame { pixels: Pixels::Rgb(Rgb::new(&picture.pixels, size).expect("whole")), seq: 0, time_ns: None };
         let found = calibrate(&[frame], &KnownFacts { flip, skin: Skin::Fabric, ..known() }).expect("calibrated");

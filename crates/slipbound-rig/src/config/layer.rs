@@ -87,13 +87,13 @@ pub(crate) fn typed<T: DeserializeOwned>(merged: Table, layers: &[Layer]) -> Res
             };
             let names: Vec<&str> = expected.iter().map(String::as_str).collect();
             let nearest = nearest(&unknown, &names).map(str::to_owned);
-            return Error::UnknownKey { file: blame(layers, &key), key, nearest, expected };
+            return Error::UnknownKey { file: file_of_key(layers, &key), key, nearest, expected };
         }
         let key = match (problem.strip_prefix("missing field"), path.as_str()) {
             (Some(_), ".") => quoted.next().unwrap_or_default(),
             _ => path,
         };
-        Error::Value { file: blame(layers, &key), key, problem }
+        Error::Value { file: file_of_key(layers, &key), key, problem }
     })
 }
 
@@ -111,7 +111,7 @@ fn in_words(problem: &str) -> String {
 }
 
 /// The file that holds a key; the first when none does.
-pub(crate) fn blame(layers: &[Layer], key: &str) -> String {
+pub(crate) fn file_of_key(layers: &[Layer], key: &str) -> String {
     let first = key.split(['.', '[']).next().unwrap_or(key);
     let holds = |layer: &&Layer| layer.table.contains_key(first);
     layers.iter().find(holds).or(layers.first()).map_or_else(String::new, |l| l.file.clone())

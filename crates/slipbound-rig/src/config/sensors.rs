@@ -7,7 +7,7 @@
 //! ```
 
 use super::error::Error;
-use super::layer::{Layer, blame, typed};
+use super::layer::{Layer, file_of_key, typed};
 use slipbound::image::SizePx;
 use slipbound::sensor::Sensor;
 use slipbound::setting::nearest;
@@ -47,11 +47,11 @@ pub fn of_frames(size: SizePx) -> Result<Vec<Sensor>, Error> {
 fn checked(layers: &[Layer]) -> Result<Sensor, Error> {
     let mut merged = Table::new();
     for layer in layers.iter().rev() {
-        lay_over(&mut merged, layer.table.clone());
+        merge(&mut merged, layer.table.clone());
     }
     merged.remove("extends");
     let sensor: Sensor = typed(merged, layers)?;
-    sensor.check().map_err(|source| Error::OutOfRange { file: blame(layers, &source.key), source })?;
+    sensor.check().map_err(|source| Error::OutOfRange { file: file_of_key(layers, &source.key), source })?;
     Ok(sensor)
 }
 
@@ -120,10 +120,10 @@ fn built_in(name: &str) -> Result<Layer, Error> {
 }
 
 /// Merges one table over another: tables key by key, everything else as a whole.
-fn lay_over(under: &mut Table, over: Table) {
+fn merge(under: &mut Table, over: Table) {
     for (key, value) in over {
         match (under.get_mut(&key), value) {
-            (Some(Value::Table(under)), Value::Table(over)) => lay_over(under, over),
+            (Some(Value::Table(under)), Value::Table(over)) => merge(under, over),
             (_, value) => {
                 under.insert(key, value);
             }

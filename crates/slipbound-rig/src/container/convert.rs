@@ -11,9 +11,9 @@
 //! A folder has no annotations: they follow from frames and reports. Frames that came as pixels are left out too,
 //! because a folder holds encoded ones; they are counted.
 
-use super::book::{Book, Kind, Times};
 use super::foxglove;
 use super::frame_record::{Fate, FrameRecord, camera_topic};
+use super::mcap_writer::{Kind, McapWriter, Times};
 use super::recorder;
 use super::records::Records;
 use crate::config::{read_most, read_most_bytes};
@@ -97,7 +97,7 @@ pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
     let create = |source| recorder::Error::Create { path: file.to_owned(), source };
     let mut replaced = ReplacedFile::create(file).map_err(create)?;
     let wrong = |e| recorder::Error::of_writing(file, e);
-    let mut book = Book::create(replaced.file().try_clone().map_err(create)?).map_err(wrong)?;
+    let mut writer = McapWriter::create(replaced.file().try_clone().map_err(create)?).map_err(wrong)?;
     let mut converted = Converted::default();
     let mut lines = Vec::new();
     for name in &names {
@@ -108,9 +108,9 @@ pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
         } else if let Some(name) = name.strip_suffix(FACTS) {
             let facts = serde_json::from_slice(&bytes)
                 .map_err(|e| Error::Syntax { path: path.clone(), problem: e.to_string() })?;
-            book.metadata(name.into(), facts).map_err(wrong)?;
+            writer.metadata(name.into(), facts).map_err(wrong)?;
         } else {
-            book.attach(name.clone(), media_type(name), &bytes, 0).map_err(wrong)?;
+            writer.attach(name.clone(), media_type(name), &bytes, 0).map_err(wrong)?;
             converted.files_count += 1;
         }
     }
@@ -133,18 +133,18 @@ pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
                 let record = record_of(&frame);
                 let json = serde_json::to_vec(&record).map_err(wrong_line)?;
                 let times = Times::both(record.time_ns.unwrap_or(*time_ns));
-                converted.frames_count += picture(folder, finger, &record, times, &mut book, &wrong)?;
-                book.message(&format!("/{finger}/frame"), Kind::Frame, record.seq, times, &json).map_err(wrong)?;
+                converted.frames_count += picture(folder, finger, &record, times, &mut writer, &wrong)?;
+                writer.message(&format!("/{finger}/frame"), Kind::Frame, record.seq, times, &json).map_err(wrong)?;
             }
         } else if let Some(finger) = topic.strip_prefix('/').and_then(|topic| topic.strip_suffix("/frame")) {
             let record: FrameRecord = serde_json::from_slice(json).map_err(wrong_line)?;
             seq = record.seq;
-            converted.frames_count += picture(folder, finger, &record, times, &mut book, &wrong)?;
+            converted.frames_count += picture(folder, finger, &record, times, &mut writer, &wrong)?;
         }
-        book.message(topic, Kind::of_lines(topic), seq, times, json).map_err(wrong)?;
+        writer.message(topic, Kind::of_lines(topic), seq, times, json).map_err(wrong)?;
         converted.lines_count += 1;
     }
-    book.finish().map_err(wrong)?;
+    writer.finish().map_err(wrong)?;
     replaced.keep().map_err(|e| wrong(e.into()))?;
     Ok(converted)
 }
@@ -190,7 +190,7 @@ fn picture(
     finger: &str,
     record: &FrameRecord,
     times: Times,
-    book: &mut Book,
+    writer: &mut McapWriter,
     wrong: &dyn Fn(mcap::McapError) -> recorder::Error,
 ) -> Result<u64, ConvertError> {
     if !record.is_kept {
@@ -207,7 +207,7 @@ fn picture(
     let stamp_ns = record.time_ns.unwrap_or(times.log_ns);
     let (_, bytes) = foxglove::write(&frame, finger, stamp_ns);
     let times = Times { stamp_ns, ..times };
-    book.message(&camera_topic(finger), Kind::Compressed, record.seq, times, &bytes).map_err(wrong)?;
+    writer.message(&camera_topic(finger), Kind::Compressed, record.seq, times, &bytes).map_err(wrong)?;
     Ok(1)
 }
 

@@ -1,8 +1,8 @@
 //! Writes a control loop's reports, cycles, events and frames into its recording.
 
 use super::annotations;
-use super::book::Times;
 use super::frame_record::{Fate, FrameRecord};
+use super::mcap_writer::Times;
 use super::recorder::{Inlet, Item, log_ns};
 use super::tap::ReportLines;
 use crate::report_json::{Header, ReportJson, RestOrigin};
@@ -68,7 +68,7 @@ impl McapObserver {
 
     fn line(&self, topic: &str, json: String) {
         match self.keeps_frames {
-            true => self.inlet.line_patiently(topic, json.into_bytes()),
+            true => self.inlet.line_blocking(topic, json.into_bytes()),
             false => self.inlet.line(topic, json.into_bytes()),
         }
     }
@@ -161,7 +161,7 @@ impl McapAnnotations {
     }
 
     /// Records the results on a frame of the monitor that has just judged it.
-    pub fn hand_in(&self, finger: &str, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) {
+    pub fn record(&self, finger: &str, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) {
         let log_ns = log_ns();
         let stamp_ns = frame.time_ns.unwrap_or(log_ns);
         let bytes = annotations::write(monitor.sensor(), report, monitor.markers(), stamp_ns);
@@ -178,7 +178,7 @@ impl CycleObserver for McapAnnotations {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
         for finger in view.fingers.iter().filter(|finger| *finger.next == Next::Frame) {
             if let (Some(report), Some(monitor)) = (finger.report, finger.monitor) {
-                self.hand_in(finger.name, finger.frame, report, monitor);
+                self.record(finger.name, finger.frame, report, monitor);
             }
         }
     }

@@ -1,9 +1,9 @@
 //! Writes a recording, on a thread of its own.
 
-use super::book::{Book, Kind, Times};
+use super::deferred_truncation::DeferredTruncation;
 use super::foxglove;
 use super::frame_record::{Fate, FrameRecord, annotations_topic, camera_topic};
-use super::late_file::LateFile;
+use super::mcap_writer::{Kind, McapWriter, Times};
 use crate::link::now_ns;
 use slipbound::port::FrameBuffer;
 use std::collections::{BTreeMap, VecDeque};
@@ -165,7 +165,7 @@ impl Recorder {
     /// which are dropped ([`TappedSource`](super::TappedSource)). `judges`: whether frames will be marked as judged
     /// ([`MarkedSource`](super::MarkedSource)); otherwise all are only recorded.
     pub fn create(path: &Path, fingers: &[String], judges: bool) -> Result<Self, Error> {
-        let file = LateFile::open(path).map_err(|source| Error::Create { path: path.to_owned(), source })?;
+        let file = DeferredTruncation::open(path).map_err(|source| Error::Create { path: path.to_owned(), source })?;
         let fingers = fingers.to_vec();
         let (to, items) = sync_channel(QUEUE_COUNT);
         let thread = thread::spawn(move || write_all(file, fingers, judges, &items));
@@ -228,7 +228,7 @@ impl Inlet {
     }
 
     /// The same, but waits for the disk and never loses a line.
-    pub fn line_patiently(&self, topic: &str, json: Vec<u8>) {
+    pub fn line_blocking(&self, topic: &str, json: Vec<u8>) {
         self.send(Item::Line { topic: topic.into(), log_ns: log_ns(), json });
     }
 }
@@ -245,7 +245,7 @@ pub(super) fn log_ns() -> u64 {
 
 /// Waits for the recording to begin and for its first item, then writes until the end; returns the number of frames.
 fn write_all(
-    file: LateFile,
+    file: DeferredTruncation,
     fingers: Vec<String>,
     judges: bool,
     items: &Receiver<Item>,
@@ -264,13 +264,13 @@ fn write_all(
         }
     }
     let fingers = fingers.into_iter().map(|name| Finger { name, pending: VecDeque::new() }).collect();
-    let book = Book::create(file.begin()?)?;
-    Sheet { book, fingers, judges, frames_count: 0 }.run(waiting, items)
+    let writer = McapWriter::create(file.begin()?)?;
+    WriterThread { writer, fingers, judges, frames_count: 0 }.run(waiting, items)
 }
 
 /// The file, on its thread.
-struct Sheet {
-    book: Book,
+struct WriterThread {
+    writer: McapWriter,
     fingers: Vec<Finger>,
     judges: bool,
     frames_count: u64,
@@ -282,7 +282,7 @@ struct Finger {
     pending: VecDeque<FrameRecord>,
 }
 
-impl Sheet {
+impl WriterThread {
     /// Writes the waiting items, then further ones until the end is handed in. A chunk is closed when it is old enough.
     fn run(mut self, waiting: Vec<Item>, items: &Receiver<Item>) -> Result<u64, mcap::McapError> {
         let mut flushed_ns = now_ns();
@@ -297,7 +297,7 @@ impl Sheet {
                 Err(RecvTimeoutError::Timeout) => {}
             }
             if now_ns() >= flushed_ns + CHUNK_NS {
-                self.book.flush()?;
+                self.writer.flush()?;
                 flushed_ns = now_ns();
             }
         };
@@ -307,7 +307,7 @@ impl Sheet {
             }
         }
         if is_whole {
-            self.book.finish()?;
+            self.writer.finish()?;
         }
         Ok(self.frames_count)
     }
@@ -317,13 +317,13 @@ impl Sheet {
             Item::Frame { finger, frame, torn, log_ns } => self.frame(finger, &frame, torn, log_ns),
             Item::Taken { finger, record } => self.taken(finger, record),
             Item::Line { topic, log_ns, json } => {
-                self.book.message(&topic, Kind::of_lines(&topic), 0, Times::both(log_ns), &json)
+                self.writer.message(&topic, Kind::of_lines(&topic), 0, Times::both(log_ns), &json)
             }
             Item::Annotations { finger, seq, times, bytes } => {
-                self.book.message(&annotations_topic(&finger), Kind::Annotations, seq, times, &bytes)
+                self.writer.message(&annotations_topic(&finger), Kind::Annotations, seq, times, &bytes)
             }
-            Item::Attachment { name, media_type, bytes } => self.book.attach(name, media_type, &bytes, log_ns()),
-            Item::Metadata { name, facts } => self.book.metadata(name, facts),
+            Item::Attachment { name, media_type, bytes } => self.writer.attach(name, media_type, &bytes, log_ns()),
+            Item::Metadata { name, facts } => self.writer.metadata(name, facts),
             Item::Begin | Item::End | Item::CutOff => Ok(()),
         }
     }
@@ -341,7 +341,7 @@ impl Sheet {
             let stamp_ns = frame.time_ns.unwrap_or(log_ns);
             let (schema, bytes) = foxglove::write(frame, &name, stamp_ns);
             let kind = if schema == foxglove::COMPRESSED { Kind::Compressed } else { Kind::Raw };
-            self.book.message(&camera_topic(&name), kind, frame.seq, Times { log_ns, stamp_ns }, &bytes)?;
+            self.writer.message(&camera_topic(&name), kind, frame.seq, Times { log_ns, stamp_ns }, &bytes)?;
             self.frames_count += 1;
         }
         let (seq, time_ns, clock) = (frame.seq, frame.time_ns, frame.clock);
@@ -372,6 +372,6 @@ impl Sheet {
     fn frame_record(&mut self, finger: usize, record: &FrameRecord) -> Result<(), mcap::McapError> {
         let Some(name) = self.fingers.get(finger).map(|finger| finger.name.clone()) else { return Ok(()) };
         let json = serde_json::to_vec(record).map_err(|e| mcap::McapError::Io(e.into()))?;
-        self.book.message(&format!("/{name}/frame"), Kind::Frame, record.seq, Times::both(log_ns()), &json)
+        self.writer.message(&format!("/{name}/frame"), Kind::Frame, record.seq, Times::both(log_ns()), &json)
     }
 }

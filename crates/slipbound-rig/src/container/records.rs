@@ -7,7 +7,7 @@
 //! The claims of a file are checked first: no length makes the reader allocate more memory than there are bytes, and no
 //! record is longer than the rest of its chunk.
 
-use super::book::LIBRARY;
+use super::mcap_writer::LIBRARY;
 use super::unpack::{Lz4, Unpack, Unpacker, Zstd};
 use crate::source::Error;
 use crc::{CRC_32_ISO_HDLC, Crc, Digest, Table};
@@ -81,7 +81,7 @@ impl Records {
             true => "ends in its first bytes",
             false => "expected a file of MCAP, got none",
         };
-        let broken = (!is_mcap).then(|| told(why));
+        let broken = (!is_mcap).then(|| damage_message(why));
         Ok(Records { input, chunk: None, chunks_count: 0, is_ours: false, is_over: !is_mcap, broken, damaged: None })
     }
 
@@ -102,7 +102,7 @@ impl Records {
                 Ok(None) => {}
                 Err(why) => {
                     self.is_over = true;
-                    self.broken = Some(told(&why));
+                    self.broken = Some(damage_message(&why));
                 }
             }
         }
@@ -315,6 +315,6 @@ fn words(e: io::Error) -> Broken {
     }
 }
 
-fn told(why: &str) -> String {
+fn damage_message(why: &str) -> String {
     format!("the recording is cut off or damaged ({why}); what came before was read")
 }

@@ -117,7 +117,7 @@ impl Write for ReportLines {
         }
         match self.waits {
             _ if line.is_empty() => {}
-            true => self.inlet.line_patiently(&self.topic, line),
+            true => self.inlet.line_blocking(&self.topic, line),
             false => self.inlet.line(&self.topic, line),
         }
         Ok(())

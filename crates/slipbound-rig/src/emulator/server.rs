@@ -15,7 +15,7 @@ const PAUSE: Duration = Duration::from_millis(1);
 const MOST_UNREAD_BYTES: usize = 1 << 16;
 
 /// Serves one connection once: bytes in, time on, bytes out. An error: the connection is over.
-fn serve_a_little(link: &mut dyn Link, emulator: &mut Emulator, inbox: &mut Vec<u8>) -> io::Result<()> {
+fn serve_once(link: &mut dyn Link, emulator: &mut Emulator, inbox: &mut Vec<u8>) -> io::Result<()> {
     inbox.clear();
     let read = link.read(inbox);
     if let Ok(1..) = read {
@@ -57,7 +57,7 @@ impl Server {
         }
         emulator.tick(now_ns(), plant);
         let inbox = &mut self.inbox;
-        let served = self.link.as_mut().map_or(Ok(()), |link| serve_a_little(link, emulator, inbox));
+        let served = self.link.as_mut().map_or(Ok(()), |link| serve_once(link, emulator, inbox));
         if self.link.is_some() && (emulator.take_hang_up() || served.is_err()) {
             self.link = None;
             emulator.disconnected(now_ns());
@@ -109,7 +109,7 @@ pub fn serve_link(
     while go_on(emulator) && !emulator.take_hang_up() {
         emulator.tick(now_ns(), plant);
         plant.advance_to(now_ns());
-        serve_a_little(link, emulator, &mut inbox)?;
+        serve_once(link, emulator, &mut inbox)?;
         thread::sleep(PAUSE);
     }
     emulator.disconnected(now_ns());

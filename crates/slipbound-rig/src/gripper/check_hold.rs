@@ -1,7 +1,7 @@
 //! Measures whether a gripper keeps its grip while its force is changed: up, down, up, down, with an object that may
 //! fall. For a WSG-50 this is not published.
 
-use super::settled::jaws_name;
+use super::settle_detector::jaws_name;
 use slipbound::grip::ForceSense;
 use slipbound::port::{GripCommand, GripperState, Jaws};
 

@@ -176,7 +176,7 @@ impl Config {
             merged.extend(layer.table.clone());
         }
         let config: Config = config::typed(merged, &layers)?;
-        let file = |key: &str| config::blame(&layers, key);
+        let file = |key: &str| config::file_of_key(&layers, key);
         config.check(kind).map_err(|source| config::Error::OutOfRange { file: file(&source.key), source })?;
         Ok(config)
     }

@@ -112,7 +112,7 @@ impl<P: Protocol> Endpoint for Driver<P> {
     fn receive(&mut self, now_ns: u64, bytes: &[u8]) {
         self.state.set_time(now_ns);
         self.protocol.receive(&mut self.state, bytes);
-        self.state.see_jaws();
+        self.state.track_grasp();
         self.advance();
     }
 

@@ -2,7 +2,7 @@
 
 use super::config::{Config, Lowering};
 use super::error::Error;
-use super::held::Held;
+use super::grasp_tracker::GraspTracker;
 use crate::link::{LinkHealth, LinkProblem};
 use slipbound::port::{DriverEvent, GripperState, Jaws};
 use std::collections::VecDeque;
@@ -35,7 +35,7 @@ pub struct DriverState {
     doubted_n: Option<f64>,
     /// The last requested force outside the range, N per finger: it is reported once.
     clamped_n: Option<f64>,
-    held: Held,
+    grasp: GraspTracker,
     /// Garbled bytes that have not been reported, and the time of the last report, ns.
     garbled_count: usize,
     garbled_ns: Option<u64>,
@@ -62,7 +62,7 @@ impl DriverState {
             lowering_permitted: config.lowering == Lowering::Allow,
             doubted_n: None,
             clamped_n: None,
-            held: Held::default(),
+            grasp: GraspTracker::default(),
             garbled_count: 0,
             garbled_ns: None,
             fault: None,
@@ -103,12 +103,12 @@ impl DriverState {
 
     /// Whether an object is, or may soon be, between the jaws.
     pub fn seems_to_hold(&self) -> bool {
-        self.held.seems_to_hold(&self.gripper, &self.config)
+        self.grasp.seems_to_hold(&self.gripper, &self.config)
     }
 
     /// A message was received: records whether the jaws hold something or have released it.
-    pub(super) fn see_jaws(&mut self) {
-        self.held.see(&self.gripper, &self.config);
+    pub(super) fn track_grasp(&mut self) {
+        self.grasp.see(&self.gripper, &self.config);
     }
 
     /// The gripper has accepted this force, N per finger, or reports that it has it. None: it does not say.

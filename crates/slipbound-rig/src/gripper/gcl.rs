@@ -165,7 +165,7 @@ impl Gcl {
                     self.gripped_n = Some(force_n);
                 }
                 if self.grasp != Some(grasp::GRASPING) {
-                    self.tell_failed_grip(driver);
+                    self.report_failed_grip(driver);
                 }
             }
         }
@@ -263,7 +263,7 @@ impl Gcl {
     }
 
     /// A failed grip was refused, unless the state shows that no part was found or that it was lost.
-    fn tell_failed_grip(&mut self, driver: &mut DriverState) {
+    fn report_failed_grip(&mut self, driver: &mut DriverState) {
         let Some(failed) = self.failed_grip.take() else { return };
         if !matches!(self.grasp, Some(grasp::NO_PART | grasp::PART_LOST)) {
             self.refuse_grip(driver, failed.why);
@@ -331,7 +331,7 @@ impl Protocol for Gcl {
         }
         let reply_ns = driver.config.reply_ms * 1_000_000;
         if self.failed_grip.as_ref().is_some_and(|failed| now_ns.saturating_sub(failed.since_ns) > reply_ns) {
-            self.tell_failed_grip(driver);
+            self.report_failed_grip(driver);
         }
     }
 

@@ -4,7 +4,7 @@ use super::check_hold::{CheckHold, Step, Verdict};
 use super::device::Device;
 use super::error::Error;
 use super::request::Request;
-use super::settled::{Settled, describe};
+use super::settle_detector::{SettleDetector, describe};
 use crate::link::now_ns;
 use slipbound::port::{DriverEvent, Gripper, GripperState};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -69,7 +69,7 @@ impl<'a> Session<'a> {
     ) -> Result<GripperState, SessionError> {
         self.device.request(request)?;
         let until_ns = now_ns() + LONGEST_S * 1_000_000_000;
-        let mut settled = Settled::default();
+        let mut settled = SettleDetector::default();
         loop {
             let state = self.state()?;
             if settled.see(now_ns(), &state, !self.device.is_busy() && is_wanted(&state)) {

@@ -178,7 +178,7 @@ impl Wsg50 {
         let (was_known, was_stopped) = (self.telemetry.system.is_some(), self.telemetry.is_stopped());
         if self.telemetry.take(driver, frame.id, code, rest) {
             if self.telemetry.is_stopped() && !was_stopped {
-                self.meet_fast_stop(driver);
+                self.handle_fast_stop(driver);
             }
             if self.telemetry.system.is_some() && !was_known && !self.telemetry.is_stopped() {
                 driver.forget_lost_link(); // it has latched nothing
@@ -203,7 +203,7 @@ impl Wsg50 {
         }
     }
 
-    fn meet_fast_stop(&mut self, driver: &mut DriverState) {
+    fn handle_fast_stop(&mut self, driver: &mut DriverState) {
         let why = self.why_stopped(driver);
         driver.push_event(DriverEvent::FastStop { why });
         (self.goal, self.phase) = (Goal::Keep, self.phase.ended());

@@ -2,9 +2,9 @@
 
 use super::backdrop::Backdrop;
 use super::canvas::{Canvas, Colour};
+use super::input::OverlayInput;
 use super::palette::{BACKGROUND, CONTACT, INNER, LOST, MEASURED, PAPER, RIGID, SLIP, SLIPPING};
 use super::regions::Region;
-use super::seen::Seen;
 use super::strips;
 use slipbound::image::{Frame, Mask, SizePx};
 use slipbound::monitor::{Marker, MotionReport, SlipReport, SlipState};
@@ -76,7 +76,7 @@ impl Overlay {
 
     /// Draws a frame and the results on it, for example of a monitor that has just judged it. `frame`: None when it did
     /// not arrive completely.
-    pub fn draw<'a>(&mut self, frame: Option<&Frame<'_>>, report: &SlipReport, found: impl Into<Seen<'a>>) {
+    pub fn draw<'a>(&mut self, frame: Option<&Frame<'_>>, report: &SlipReport, found: impl Into<OverlayInput<'a>>) {
         let found = found.into();
         if found.sensor.rectified_px() != self.eroded.size() {
             // The frames have another size than the sensor file states: the monitor's sensor has theirs.

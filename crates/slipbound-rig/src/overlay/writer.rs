@@ -2,7 +2,7 @@
 
 use super::drawing::Overlay;
 use crate::avi_writer::{self, AviWriter};
-use crate::written;
+use crate::file_origin;
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use std::fs::{self, File};
 use std::io::{self, BufWriter};
@@ -89,7 +89,7 @@ impl OverlayWriter {
 fn remove_older(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
-        if is_numbered(&path) && written::is_ours(&path)? {
+        if is_numbered(&path) && file_origin::is_own_file(&path)? {
             fs::remove_file(path)?;
         }
     }

@@ -47,11 +47,11 @@ impl<O: CycleObserver + Send + 'static> QueuedObserver<O> {
     /// A queue of at most `depth_count` cycles to this observer. `keeps_frames`: whether the observer needs the encoded
     /// bytes of every frame, not only those of the frames in which a slip begins.
     pub fn new(observer: O, depth_count: usize, keeps_frames: bool) -> Self {
-        QueuedObserver::telling_losses(observer, depth_count, keeps_frames, |_, _| {})
+        QueuedObserver::reporting_losses(observer, depth_count, keeps_frames, |_, _| {})
     }
 
     /// The same; `lost` is called with how many cycles were lost, before the observer is shown the one after them.
-    pub fn telling_losses(
+    pub fn reporting_losses(
         mut observer: O,
         depth_count: usize,
         keeps_frames: bool,

@@ -5,10 +5,10 @@ use super::event::{Event, EventLog, TimedEvent};
 use super::info::{FORMAT_VERSION, Row, RunInfo};
 use super::line;
 use super::page::{Page, Picture, picture};
-use super::shown::Shown;
+use super::page_data::PageData;
 use crate::config::hand::finger_name;
 use crate::config::read_most;
-use crate::whole_lines::WholeLines;
+use crate::line_file::LineFile;
 use slipbound::control::Cycle;
 use slipbound::image::Rgb;
 use slipbound::task::Ending;
@@ -56,7 +56,7 @@ pub struct RunFolder {
     events: Lines,
     log: EventLog,
     /// For the page.
-    shown: Shown,
+    page_data: PageData,
     /// Names of the images of the last slip, without their extensions.
     stems: Vec<String>,
 }
@@ -80,7 +80,7 @@ impl RunFolder {
             reports: Lines::create(folder.join("reports.jsonl"))?,
             events: Lines::create(folder.join("events.jsonl"))?,
             log: EventLog::new(info.finger_names()),
-            shown: Shown::new(),
+            page_data: PageData::new(),
             stems: Vec::new(),
         })
     }
@@ -94,7 +94,7 @@ impl RunFolder {
     pub fn cycle_with_slip(&mut self, cycle: &Cycle, slip_pitch: Option<f64>) -> Result<(), Error> {
         let line = line::write(cycle).map_err(|why| Error::Encode { path: self.reports.path.clone(), why })?;
         self.reports.push(&line)?;
-        self.shown.cycle(cycle, slip_pitch);
+        self.page_data.cycle(cycle, slip_pitch);
         for event in self.log.see(cycle) {
             self.event(cycle.time_ns, event)?;
         }
@@ -123,7 +123,7 @@ impl RunFolder {
         let (finger, caption) = (finger.to_owned(), caption.to_owned());
         self.event(time_ns, Event::Picture { slip, finger: finger.clone(), file: file.clone() })?;
         self.stems.push(stem);
-        self.shown.picture(Picture { slip, finger, caption, file, jpeg });
+        self.page_data.picture(Picture { slip, finger, caption, file, jpeg });
         Ok(())
     }
 
@@ -134,7 +134,7 @@ impl RunFolder {
 
     /// Writes the results and `report.html`; returns its path. `ending`: None for a loop that was interrupted.
     pub fn finish(mut self, results: &[Row], ending: Option<Ending>) -> Result<PathBuf, Error> {
-        let time_ns = self.shown.last_ns();
+        let time_ns = self.page_data.last_ns();
         if let Some(event) = self.log.end() {
             self.event(time_ns, event)?;
         }
@@ -142,16 +142,16 @@ impl RunFolder {
             self.event(time_ns, Event::Result(row.clone()))?;
         }
         let path = self.folder.join("report.html");
-        let ((cycles, slips_pitch), (events, left_out)) = (self.shown.cycles(), self.shown.events());
+        let ((cycles, slips_pitch), (events, left_out)) = (self.page_data.cycles(), self.page_data.events());
         let html = Page {
             info: &self.info,
             cycles: &cycles,
             slips_pitch: &slips_pitch,
-            ended_ns: self.shown.ended_ns,
+            ended_ns: self.page_data.ended_ns,
             events: &events,
             left_out,
             slips_count: self.log.slips_count(),
-            pictures: &self.shown.pictures,
+            pictures: &self.page_data.pictures,
             results,
             ending,
         }
@@ -164,7 +164,7 @@ impl RunFolder {
         let event = TimedEvent { time_ns, event };
         let line = serde_json::to_string(&event)
             .map_err(|e| Error::Encode { path: self.events.path.clone(), why: e.to_string() })?;
-        self.shown.event(event);
+        self.page_data.event(event);
         self.events.push(&line)
     }
 }
@@ -217,12 +217,12 @@ pub fn read(folder: &Path) -> Result<(toml::Table, Vec<Cycle>), Error> {
 #[derive(Debug)]
 pub(super) struct Lines {
     path: PathBuf,
-    to: WholeLines,
+    to: LineFile,
 }
 
 impl Lines {
     pub(super) fn create(path: PathBuf) -> Result<Self, Error> {
-        match WholeLines::create(&path) {
+        match LineFile::create(&path) {
             Ok(to) => Ok(Lines { path, to }),
             Err(source) => Err(Error::Write { path, source }),
         }

@@ -23,7 +23,7 @@ mod time_axis;
 use super::event::{Event, TimedEvent};
 use super::info::{Row, RunInfo};
 use super::words::ending_name;
-use crate::sheet::markup::{Escaped, base64};
+use crate::html_page::markup::{Escaped, base64};
 use slipbound::control::Cycle;
 use slipbound::task::Ending;
 use std::fmt;

@@ -112,9 +112,9 @@ pub struct Replay {
 }
 
 /// A gripper and a wrist that report their recorded states; None: they had a fault.
-struct Past<'a>(Option<&'a Cycle>);
+struct RecordedActuators<'a>(Option<&'a Cycle>);
 
-impl Gripper for Past<'_> {
+impl Gripper for RecordedActuators<'_> {
     fn command(&mut self, _: GripCommand) -> Result<(), GripperError> {
         Ok(())
     }
@@ -125,7 +125,7 @@ impl Gripper for Past<'_> {
     }
 }
 
-impl Wrist for Past<'_> {
+impl Wrist for RecordedActuators<'_> {
     fn command(&mut self, _: WristCommand) -> Result<(), WristError> {
         Ok(())
     }
@@ -182,7 +182,7 @@ impl Replay {
         }
         while let Some(cycle) = self.cycles.get(next) {
             let known = Some(cycle).filter(|_| !self.waiting.pop_front().unwrap_or_default());
-            let (gripper, wrist) = (&mut Past(known), &mut Past(known));
+            let (gripper, wrist) = (&mut RecordedActuators(known), &mut RecordedActuators(known));
             match self.control.cycle(cycle.time_ns, gripper, wrist, observer)? {
                 CycleOutcome::AtRest | CycleOutcome::Waiting => {}
                 CycleOutcome::SourceEnded => {

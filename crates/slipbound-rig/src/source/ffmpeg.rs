@@ -188,18 +188,18 @@ impl Running {
         let missing = || io::Error::other("no pipe to the program");
         let stdout = BufReader::with_capacity(1 << 20, child.stdout.take().ok_or_else(missing)?);
         let stderr = child.stderr.take().ok_or_else(missing)?;
-        Ok((Running { child, stderr: Some(std::thread::spawn(move || last_words(stderr))) }, stdout))
+        Ok((Running { child, stderr: Some(std::thread::spawn(move || stderr_tail(stderr))) }, stdout))
     }
 
     /// Ends it; returns its last messages.
-    pub(super) fn last_words(mut self) -> String {
+    pub(super) fn stderr_tail(mut self) -> String {
         self.stop();
         self.reap().map(|(_, said)| said).unwrap_or_default()
     }
 }
 
 /// Reads all messages of the program and keeps the end, on one line.
-fn last_words(stderr: ChildStderr) -> String {
+fn stderr_tail(stderr: ChildStderr) -> String {
     let mut kept: Vec<u8> = Vec::new();
     let mut reader = BufReader::new(stderr);
     while let Ok(bytes) = reader.fill_buf() {

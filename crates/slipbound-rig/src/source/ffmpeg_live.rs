@@ -111,7 +111,7 @@ impl FfmpegLive {
     /// The program has ended, or is ended because it is silent. A stream that never gave a frame was requested wrongly,
     /// and the program says how.
     fn ended(&mut self, got: String) -> Result<Next, SourceError> {
-        let stderr = self.started.take().map(|started| started.running.last_words()).unwrap_or_default();
+        let stderr = self.started.take().map(|started| started.running.stderr_tail()).unwrap_or_default();
         self.retry_at = Instant::now() + self.retry;
         if self.seq > 0 {
             return Ok(Next::Silent);

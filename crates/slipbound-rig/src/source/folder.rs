@@ -1,6 +1,6 @@
 //! Images in files: a folder, a pattern or a single one, in the natural order of their names.
 
-use super::{Error, natural, picture};
+use super::{Error, natural_sort, picture};
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
 use std::fs::{self, File};
 use std::io::Read;
@@ -53,7 +53,7 @@ impl Folder {
             }
             return Err(Error::NoImages { path: path.to_owned(), others_count: named.len() });
         }
-        files.sort_by(|a, b| natural::compare(&a.to_string_lossy(), &b.to_string_lossy()));
+        files.sort_by(|a, b| natural_sort::compare(&a.to_string_lossy(), &b.to_string_lossy()));
         Ok(Folder { files, next: 0 })
     }
 }

@@ -124,9 +124,9 @@ impl Newest {
 }
 
 /// If the source panics, the reader of its frames gets an error that says so.
-struct Unwinding<'a>(&'a Shared);
+struct PanicGuard<'a>(&'a Shared);
 
-impl Drop for Unwinding<'_> {
+impl Drop for PanicGuard<'_> {
     fn drop(&mut self) {
         if thread::panicking() {
             let text = "the thread that reads its frames has broken down";
@@ -139,7 +139,7 @@ impl Drop for Unwinding<'_> {
 
 /// Reads until the source ends or fails, or its frames are no longer taken.
 fn read(mut source: Box<dyn FrameSource + Send>, shared: &Shared, room_count: Option<usize>) {
-    let _told = Unwinding(shared);
+    let _guard = PanicGuard(shared);
     let mut frame = FrameBuffer::default();
     loop {
         let next = source.next(&mut frame);

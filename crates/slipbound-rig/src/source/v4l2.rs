@@ -16,14 +16,14 @@
 //! The time of a frame is the driver's, on the system's monotonic clock. A gap in the driver's numbers is a frame that was
 //! lost, and counted.
 //!
-//! A camera that comes back gets its first settings again (`settled.rs`). If its rate or a locked value differs, its
+//! A camera that comes back gets its first settings again (`negotiated.rs`). If its rate or a locked value differs, its
 //! first frame is torn and states the difference: the frames that follow do not match the rest frame. If it no longer
 //! has the format or size, it stays away, and one torn frame says why.
 
 mod locks;
+mod negotiated;
 mod nodes;
 mod options;
-mod settled;
 mod sys;
 
 pub use nodes::cameras;
@@ -31,9 +31,9 @@ pub use nodes::cameras;
 use super::camera::{Camera, CameraTally};
 use super::{Error, picture};
 use crate::link::now_ns;
+use negotiated::{NegotiatedSettings, difference, pinned};
 use nodes::{choose, four_letters};
 use options::{Options, PixelKind};
-use settled::{Settled, difference, pinned};
 use slipbound::image::SizePx;
 use slipbound::pixels::yuyv;
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
@@ -62,7 +62,7 @@ pub struct V4l2 {
     /// What is requested when it comes back.
     options: Options,
     /// What it was set to first.
-    first: Settled,
+    first: NegotiatedSettings,
     /// Why it stays away, or how its settings differ since it is back, until that is reported.
     news: Option<String>,
     /// Why it stays away, as last reported.
@@ -98,7 +98,7 @@ impl V4l2 {
     }
 
     /// A camera that is not open.
-    fn away(options: Options, first: Settled) -> Self {
+    fn away(options: Options, first: NegotiatedSettings) -> Self {
         let tally = Arc::default();
         V4l2 { options, first, news: None, refused: None, open: None, retry_at_ns: 0, seq: 0, tally }
     }
@@ -139,7 +139,7 @@ impl V4l2 {
     }
 
     /// A torn frame that reports news of the camera.
-    fn told(&mut self, into: &mut FrameBuffer, reason: String) -> Next {
+    fn torn_with_news(&mut self, into: &mut FrameBuffer, reason: String) -> Next {
         into.encoded.clear();
         into.label.clear();
         (into.seq, into.time_ns, into.clock) = (self.seq, None, Clock::Unknown);
@@ -152,7 +152,7 @@ impl V4l2 {
 impl FrameSource for V4l2 {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
         if let Some(news) = self.news.take() {
-            return Ok(self.told(into, news));
+            return Ok(self.torn_with_news(into, news));
         }
         let Some(open) = &mut self.open else {
             self.look_for_it();
@@ -262,7 +262,7 @@ impl From<io::Error> for Problem {
 }
 
 /// Finds, sets and starts a camera; returns what was negotiated and locked, in words and as values.
-fn start(options: &Options) -> Result<(Open, locks::Facts, Settled), Problem> {
+fn start(options: &Options) -> Result<(Open, locks::Facts, NegotiatedSettings), Problem> {
     let (cameras, refused) = cameras();
     // A name from udev is a link to the node.
     let path = fs::canonicalize(&options.camera).ok().filter(|_| options.camera.starts_with('/'));
@@ -299,8 +299,8 @@ fn start(options: &Options) -> Result<(Open, locks::Facts, Settled), Problem> {
     ];
     let (lock_facts, locked) = locks::lock(stream.device(), &options.locks).map_err(Problem::Asked)?;
     facts.extend(lock_facts);
-    let settled = Settled { kind, size: (layout.width, layout.height), rate_hz, locked };
-    Ok((Open { stream, kind, layout, heard_ns: now_ns(), last_sequence: None }, facts, settled))
+    let negotiated = NegotiatedSettings { kind, size: (layout.width, layout.height), rate_hz, locked };
+    Ok((Open { stream, kind, layout, heard_ns: now_ns(), last_sequence: None }, facts, negotiated))
 }
 
 /// Skips frames until exposure and white balance have settled.
@@ -322,19 +322,19 @@ mod tests {
     #[test]
     fn a_camera_that_comes_back_without_its_size_says_so_once_and_one_that_is_gone_nothing() {
         let options = Options::parse("v4l2:Mini?size=640x480").expect("valid");
-        let first = Settled { kind: PixelKind::Yuyv, size: (640, 480), rate_hz: None, locked: [None; 4] };
+        let first = NegotiatedSettings { kind: PixelKind::Yuyv, size: (640, 480), rate_hz: None, locked: [None; 4] };
         let mut camera = V4l2::away(options, first);
-        let mut told = |problem: Problem| {
+        let mut next_after = |problem: Problem| {
             camera.stays_away(problem);
             camera.retry_at_ns = u64::MAX;
             camera.next(&mut FrameBuffer::default()).expect("goes on")
         };
         let other = || Problem::Asked("a size that the camera has in YUYV: 320x240; got 640x480".into());
-        assert_eq!(told(Problem::Missing("a camera, got none".into())), Next::Silent);
-        assert_eq!(told(Problem::Device(io::Error::other("busy"))), Next::Silent);
-        let Next::Torn { reason } = told(other()) else { panic!("it says nothing") };
+        assert_eq!(next_after(Problem::Missing("a camera, got none".into())), Next::Silent);
+        assert_eq!(next_after(Problem::Device(io::Error::other("busy"))), Next::Silent);
+        let Next::Torn { reason } = next_after(other()) else { panic!("it says nothing") };
         assert!(reason.ends_with("expected a size that the camera has in YUYV: 320x240; got 640x480"), "{reason}");
-        assert_eq!(told(other()), Next::Silent, "once");
+        assert_eq!(next_after(other()), Next::Silent, "once");
         assert_eq!(camera.tally.counts().torn_count, 1);
     }
 }

@@ -3,7 +3,7 @@
 
 use slipbound::plant::Plant;
 use slipbound::port::{DriverEvent, GripCommand, Gripper, GripperState, Jaws};
-use slipbound_rig::emulator::{self, Block, Faults, Joined};
+use slipbound_rig::emulator::{self, Block, Faults, LockstepPair};
 use slipbound_rig::gripper::config::{Config, Kind};
 use slipbound_rig::gripper::{self, Driver, Error, Protocol, Request};
 use std::ops::{Deref, DerefMut};
@@ -18,7 +18,7 @@ pub const WIDTH_MM: f64 = 50.0;
 
 /// The driver, the emulator, and the block between the jaws.
 pub struct Bench {
-    pub pair: Joined<Driver>,
+    pub pair: LockstepPair<Driver>,
     pub plant: Block,
     pub events: Vec<DriverEvent>,
     /// Least force since it was last reset, N per finger.
@@ -26,7 +26,7 @@ pub struct Bench {
 }
 
 impl Deref for Bench {
-    type Target = Joined<Driver>;
+    type Target = LockstepPair<Driver>;
 
     fn deref(&self) -> &Self::Target {
         &self.pair
@@ -68,7 +68,7 @@ impl Bench {
         let faults: Faults = faults.parse().expect("faults");
         let emulator = emulator::by_name(name).expect("a name").with_faults(faults);
         let mut plant = Block::new(WIDTH_MM);
-        let mut pair = Joined::unlinked(driver(name, config), emulator, &mut plant);
+        let mut pair = LockstepPair::unlinked(driver(name, config), emulator, &mut plant);
         (pair.reconnects, pair.sent) = (false, Some(Vec::new()));
         pair.connect();
         Bench { pair, plant, events: Vec::new(), least_n: f64::INFINITY }

@@ -122,7 +122,7 @@ fn robotiq_met_by_a_part_on_the_way_says_so_and_takes_short_writes() {
     assert_eq!(answer[3], 0xB9, "active, goes, met something closing: {answer:02X?}");
     assert!(client.block.force_n > 70.0, "{}", client.block.force_n);
     let mut whole = Vec::new();
-    rtu::ask_write(&mut whole, [9, 0, 0, 3, 255, 0]);
+    rtu::request_write(&mut whole, [9, 0, 0, 3, 255, 0]);
     assert_eq!(client.say(&whole, 2000), modbus("09 10 03 E8 00 03"));
 }
 

@@ -102,9 +102,9 @@ fn assert_only_30_n(name: &str, outgoing: &[u8]) {
                 assert_eq!(line, "SET POS 255 SPE 59 FOR 12 GTO 1");
             }
         }
-        "robotiq-rtu" => rtu::Parser::default().feed_asks(outgoing, |ask| match ask {
-            rtu::Ask::Write { bytes, .. } => assert_eq!(bytes, [9, 0, 0, 255, 59, 12]),
-            rtu::Ask::Read { .. } => {}
+        "robotiq-rtu" => rtu::Parser::default().feed_requests(outgoing, |request| match request {
+            rtu::Request::Write { bytes, .. } => assert_eq!(bytes, [9, 0, 0, 255, 59, 12]),
+            rtu::Request::Read { .. } => {}
             other => panic!("{other:?}"),
         }),
         _ => {

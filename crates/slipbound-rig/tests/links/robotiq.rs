@@ -149,8 +149,8 @@ fn after_a_fault_that_ended_by_itself_the_same_force_is_sent_again() {
             let asked = std::mem::take(driver.outgoing());
             sent.extend(&asked);
             let mut answer = Vec::new();
-            rtu::Parser::default().feed_asks(&asked, |ask| match ask {
-                rtu::Ask::Write { function, registers, bytes } => {
+            rtu::Parser::default().feed_requests(&asked, |request| match request {
+                rtu::Request::Write { function, registers, bytes } => {
                     rtu::answer_write(&mut answer, function, registers, bytes);
                 }
                 _ => rtu::answer_read(&mut answer, 4, &[0xB9, 0, fault, 255, 90, 0]),
@@ -175,6 +175,7 @@ fn after_a_fault_that_ended_by_itself_the_same_force_is_sent_again() {
 /// How often a force of 40 N is among what was sent.
 fn count_forces(sent: &[u8]) -> usize {
     let mut count = sent.windows(18).filter(|bytes| *bytes == b"SET POS 255 SPE 59").count();
-    rtu::Parser::default().feed_asks(sent, |ask| count += usize::from(matches!(ask, rtu::Ask::Write { .. })));
+    rtu::Parser::default()
+        .feed_requests(sent, |request| count += usize::from(matches!(request, rtu::Request::Write { .. })));
     count
 }

@@ -6,7 +6,7 @@ use slipbound_rig::emulator::NAMES;
 use slipbound_rig::gripper::check_hold::{CheckHold, Step, Verdict};
 use slipbound_rig::gripper::config::Config;
 use slipbound_rig::gripper::wsg50::frame;
-use slipbound_rig::gripper::{Driver, Error, Request, Settled};
+use slipbound_rig::gripper::{Driver, Error, Request, SettleDetector};
 use slipbound_rig::link::Endpoint;
 
 /// The current that a motor reads on open jaws is not an object.
@@ -322,7 +322,7 @@ fn grasp_and_release_settle_under_noise() {
             [(GripCommand::Hold { force_n: 20.0 }, Jaws::Holding), (GripCommand::Release, Jaws::Open)]
         {
             bench.request(Request::Grip(request)).expect("taken over");
-            let (mut settled, from_ns) = (Settled::default(), bench.now_ns());
+            let (mut settled, from_ns) = (SettleDetector::default(), bench.now_ns());
             loop {
                 bench.step();
                 let state = bench.state().expect("there");

@@ -17,7 +17,7 @@ mod snapshot;
 use bench::{Bench, MS, WIDTH_MM, config};
 use slipbound::plant::Plant;
 use slipbound::port::{WristCommand, WristMotion};
-use slipbound_rig::emulator::{self, Block, Joined};
+use slipbound_rig::emulator::{self, Block, LockstepPair};
 use slipbound_rig::gripper::Request;
 use slipbound_rig::gripper::config::{Config, ForceChange, ForceIs, Lowering};
 use slipbound_rig::wrist::LineWrist;
@@ -200,7 +200,7 @@ fn line_wrist() {
         writeln!(text, "\nfaults: {faults:?}").expect("a String takes all");
         let emulator = emulator::by_name("line").expect("a name").with_faults(faults.parse().expect("faults"));
         let mut plant = Block::new(WIDTH_MM);
-        let mut pair = Joined::new(LineWrist::new("line://bench"), emulator, &mut plant);
+        let mut pair = LockstepPair::new(LineWrist::new("line://bench"), emulator, &mut plant);
         pair.sent = Some(Vec::new());
         let mut sum = Checksum::new();
         for step in 0..1000u64 {

@@ -58,7 +58,7 @@ impl PlaneMap {
 /// Most and fewest Gauss-Newton rounds; it stops early when no residual changes by this much, in plane px.
 const ROUNDS_COUNT: usize = 12;
 const LEAST_ROUNDS_COUNT: usize = 5;
-const STILL_PX: f64 = 1e-6;
+const CONVERGED_PX: f64 = 1e-6;
 /// Separates homography and polynomial where both fit the same; too small to bias the result.
 const DAMPING: f64 = 1e-7;
 /// Residuals are weighted down beyond this many robust standard deviations (Geman and McClure).
@@ -68,7 +68,7 @@ const ALWAYS_GOOD_PITCH: f64 = 0.03;
 /// Folds of the cross-validation that chooses the degree.
 const FOLDS_COUNT: usize = 5;
 /// A higher degree must reduce the error on held-out dots below this share of the lower one's.
-const PAYS_RATIO: f64 = 0.9;
+const MAX_ERROR_RATIO: f64 = 0.9;
 /// Largest error counted for a held-out dot, in pitches: a doubled dot carries no information about the degree.
 const CAPPED_PITCH: f64 = 0.1;
 
@@ -119,8 +119,8 @@ pub(super) fn fit(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<PlaneM
     for round in 0..ROUNDS_COUNT {
         let residuals: Vec<f64> = pairs.iter().map(|p| map.residual_px(p)).collect();
         // Not before the weights have taken effect; NaN never counts as converged.
-        let still = || residuals.iter().zip(&before).all(|(now, before)| (now - before).abs() < STILL_PX);
-        if round > LEAST_ROUNDS_COUNT && still() {
+        let converged = || residuals.iter().zip(&before).all(|(now, before)| (now - before).abs() < CONVERGED_PX);
+        if round > LEAST_ROUNDS_COUNT && converged() {
             break;
         }
         let scale = (ROBUST_SIGMAS * robust_sigma(&residuals)).max(ALWAYS_GOOD_PITCH * pitch_px);
@@ -183,18 +183,18 @@ fn displaced(d: &[[f64; MOST_TERMS]; 2], monomials: &[f64; MOST_TERMS]) -> Vec2 
 
 /// The map with the degree of polynomial that the held-out dots justify.
 pub(super) fn fit_as_needed(pairs: &[Pair], pitch_px: f64) -> Option<PlaneMap> {
-    let mut best = (fit(pairs, 0, pitch_px)?, left_out_error_px(pairs, 0, pitch_px)?);
+    let mut best = (fit(pairs, 0, pitch_px)?, held_out_error_px(pairs, 0, pitch_px)?);
     for degree in [3, 5] {
         if pairs.len() < 2 * Distortion::terms_count(degree) {
             continue;
         }
-        let (Some(map), Some(error)) = (fit(pairs, degree, pitch_px), left_out_error_px(pairs, degree, pitch_px))
+        let (Some(map), Some(error)) = (fit(pairs, degree, pitch_px), held_out_error_px(pairs, degree, pitch_px))
         else {
             continue;
         };
         // The scale is NaN where the map folds.
         let folds = pairs.iter().any(|p| map.scale_at(p.plane).is_nan());
-        if error < PAYS_RATIO * best.1 && !folds {
+        if error < MAX_ERROR_RATIO * best.1 && !folds {
             best = (map, error);
         }
     }
@@ -202,12 +202,12 @@ pub(super) fn fit_as_needed(pairs: &[Pair], pitch_px: f64) -> Option<PlaneMap> {
 }
 
 /// RMS residual of held-out dots, in plane px.
-fn left_out_error_px(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<f64> {
+fn held_out_error_px(pairs: &[Pair], degree: usize, pitch_px: f64) -> Option<f64> {
     let most = CAPPED_PITCH * pitch_px;
     let mut sum = 0.0;
     for fold in 0..FOLDS_COUNT {
-        let part = |left_out: bool| -> Vec<Pair> {
-            let chosen = pairs.iter().enumerate().filter(|(i, _)| (fold_of(*i) == fold) == left_out);
+        let part = |held_out: bool| -> Vec<Pair> {
+            let chosen = pairs.iter().enumerate().filter(|(i, _)| (fold_of(*i) == fold) == held_out);
             chosen.map(|(_, p)| *p).collect()
         };
         let map = fit(&part(false), degree, pitch_px)?;

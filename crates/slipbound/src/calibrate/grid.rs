@@ -131,9 +131,9 @@ impl Grid {
     pub fn refine(&mut self, grey: &[u8], camera_px: SizePx) -> Option<()> {
         for round in 0..ROUNDS_COUNT {
             let near_pitch = if round == 0 { NEAR_PITCH.0 } else { NEAR_PITCH.1 };
-            self.find_again(grey, camera_px, near_pitch);
+            self.redetect(grey, camera_px, near_pitch);
             self.fit()?;
-            if self.set_aside_off_grid() {
+            if self.reject_outliers() {
                 self.fit()?;
             }
         }
@@ -149,7 +149,7 @@ impl Grid {
         (out, table)
     }
 
-    fn find_again(&mut self, grey: &[u8], camera_px: SizePx, near_pitch: f64) {
+    fn redetect(&mut self, grey: &[u8], camera_px: SizePx, near_pitch: f64) {
         // A ring of nodes further out may hold dots that the rough grid missed.
         let (low, high) = node_bounds(&self.dots);
         self.first = (low.0 - 1, low.1 - 1);
@@ -222,7 +222,7 @@ impl Grid {
 
     /// Removes spots that deviate from both the map and their neighbours, if they are many; returns whether they were.
     /// Where the map itself is not good yet, neighbours deviate from it alike and stay.
-    fn set_aside_off_grid(&mut self) -> bool {
+    fn reject_outliers(&mut self) -> bool {
         let offsets = self.offsets_px();
         let from_neighbours_px = |node: (i32, i32), own: Vec2| match median_around(&offsets, node) {
             Some(median) => (own - median).length(),
@@ -244,7 +244,7 @@ impl Grid {
 
     /// Removes dots further than `beyond_pitch` off the map from the grid and its size: housing, lettering, light
     /// beside the gel.
-    pub fn leave_out(&mut self, beyond_pitch: f64) -> Option<()> {
+    pub fn reject_beyond(&mut self, beyond_pitch: f64) -> Option<()> {
         for _ in 0..ROUNDS_COUNT {
             let is_off = |(node, dot): &(&(i32, i32), &Dot)| self.residual_pitch(**node, dot) > beyond_pitch;
             let off: Vec<(i32, i32)> = self.dots.iter().filter(is_off).map(|(node, _)| *node).collect();

@@ -144,7 +144,7 @@ fn grow(spots: &[Spot], seed: usize, basis: &Basis) -> Nodes {
             break;
         }
     }
-    drop_weak(spots, &mut nodes);
+    remove_weak(spots, &mut nodes);
     nodes
 }
 
@@ -186,7 +186,7 @@ fn predict(spots: &[Spot], nodes: &Nodes, node: (i32, i32), basis: &Basis) -> Op
 }
 
 /// Removes spots much weaker than the dots around them: specks where a dot is missing.
-fn drop_weak(spots: &[Spot], nodes: &mut Nodes) {
+fn remove_weak(spots: &[Spot], nodes: &mut Nodes) {
     let weak: Vec<(i32, i32)> = nodes
         .iter()
         .filter(|(node, i)| {

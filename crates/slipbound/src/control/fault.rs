@@ -11,7 +11,7 @@ use std::borrow::Cow;
 use std::fmt;
 
 /// Longest wait for a gripper or wrist with a fault, ns: enough to plug a cable back in.
-const PATIENCE_NS: u64 = 10_000_000_000;
+const FAULT_TIMEOUT_NS: u64 = 10_000_000_000;
 
 /// Time without a fault after which the wrist may move again, ns.
 const CLEAR_AFTER_NS: u64 = 500_000_000;
@@ -98,7 +98,7 @@ impl FaultLog {
     pub fn raise(&mut self, now_ns: u64, fault: Fault) -> Result<(), (Fault, u64)> {
         let since_ns = self.current.as_ref().map_or(now_ns, |(_, since_ns, _)| *since_ns);
         let waited_ns = now_ns.saturating_sub(since_ns);
-        if waited_ns >= PATIENCE_NS {
+        if waited_ns >= FAULT_TIMEOUT_NS {
             return Err((fault, waited_ns));
         }
         self.current = Some((fault, since_ns, now_ns));

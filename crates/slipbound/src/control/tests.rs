@@ -231,11 +231,11 @@ fn the_wrist_is_told_before_the_gripper_and_stands_while_there_is_a_fault() {
 #[test]
 fn a_refused_lower_force_is_no_fault_and_every_other_refusal_is_one() {
     let mut control = control(None);
-    assert!(control.tolerate(GripperError::new(GripperErrorKind::Lowering, "20 N to 15 N")).is_ok());
-    assert!(control.tolerate(GripperError::new(GripperErrorKind::Lowering, "20 N to 14 N")).is_ok());
+    assert!(control.ignore_refused_lowering(GripperError::new(GripperErrorKind::Lowering, "20 N to 15 N")).is_ok());
+    assert!(control.ignore_refused_lowering(GripperError::new(GripperErrorKind::Lowering, "20 N to 14 N")).is_ok());
     assert_eq!(control.refused_lowering.as_deref(), Some("20 N to 15 N"), "the first is kept");
     for kind in [GripperErrorKind::Refused, GripperErrorKind::Link, GripperErrorKind::Value] {
-        assert!(control.tolerate(GripperError::new(kind, "no")).is_err(), "{kind:?}");
+        assert!(control.ignore_refused_lowering(GripperError::new(kind, "no")).is_err(), "{kind:?}");
     }
 }
 

@@ -55,7 +55,7 @@ impl Guard {
         if let Some(kept) = self.kept(now_ns, hand, gripper) {
             return kept;
         }
-        let wanted = self.come_down(GripDecision { force_n, arm: ArmMotion::Go }, seconds, hand);
+        let wanted = self.lower_slowly(GripDecision { force_n, arm: ArmMotion::Go }, seconds, hand);
         self.limited(wanted)
     }
 
@@ -96,7 +96,7 @@ impl Guard {
 
     /// The controller does not know of a force that was raised while the hand was blind. Increases of the controller
     /// are added to it; it is lowered slowly, and only while nothing slips.
-    fn come_down(&mut self, wanted: GripDecision, seconds: f64, hand: &HandReport) -> GripDecision {
+    fn lower_slowly(&mut self, wanted: GripDecision, seconds: f64, hand: &HandReport) -> GripDecision {
         let Some(before_n) = self.raised_from_n.filter(|_| wanted.force_n.is_finite()) else { return wanted };
         let wanted_n = wanted.force_n.clamp(self.limits.least_n, self.limits.most_n);
         let added_n = (wanted_n - before_n).max(0.0);
@@ -126,7 +126,7 @@ impl GripController for Guard {
             return kept;
         }
         let wanted = self.inner.decide(now_ns, hand, gripper);
-        let wanted = self.come_down(wanted, seconds, hand);
+        let wanted = self.lower_slowly(wanted, seconds, hand);
         self.limited(wanted)
     }
 

@@ -22,7 +22,7 @@ const FIRST_COUNT: usize = 15;
 
 /// Clock offset of a finger relative to the first finger.
 #[derive(Debug, Clone, Copy, Default)]
-struct Ahead {
+struct ClockOffset {
     /// The offset in the first frames, ns, and their number.
     first_ns: [f64; FIRST_COUNT],
     count: usize,
@@ -30,7 +30,7 @@ struct Ahead {
     ns: f64,
 }
 
-impl Ahead {
+impl ClockOffset {
     /// How far a frame is ahead of one of the first finger, ns, from the difference of their times. `is_new`: one of
     /// them is new.
     fn lead_ns(&mut self, difference_ns: f64, is_new: bool, drift_ns: f64) -> f64 {
@@ -61,7 +61,7 @@ pub(super) struct Freshness {
     timed_ns: u64,
     /// The smallest difference between the two, ns of different clocks.
     least_delay_ns: i128,
-    ahead: Ahead,
+    clock_offset: ClockOffset,
     /// Whether a frame with a time has arrived since the last report, and whether its time is of a new clock.
     has_new: bool,
     is_new_clock: bool,
@@ -135,14 +135,14 @@ pub(super) fn advance<'a>(fingers: impl Iterator<Item = &'a mut Freshness>, now_
         };
         // If the first finger has a new clock, the offsets of all others are void.
         if finger.is_new_clock || first.is_new_clock {
-            finger.ahead = Ahead::default();
+            finger.clock_offset = ClockOffset::default();
         }
         // Without recent frames neither lag nor clock drift is known.
         if finger.is_outdated(now_ns) || first.is_outdated(now_ns) {
             continue;
         }
         let difference_ns = time_ns as f64 - first.time_ns.unwrap_or(time_ns) as f64;
-        let lead_ns = finger.ahead.lead_ns(difference_ns, finger.has_new || first.has_new, drift_ns);
+        let lead_ns = finger.clock_offset.lead_ns(difference_ns, finger.has_new || first.has_new, drift_ns);
         finger.is_stale |= lead_ns < -(STALE_NS as f64);
         first.is_stale |= lead_ns > STALE_NS as f64;
     }

@@ -138,9 +138,9 @@ struct TextureContact {
     edges: Mask,
     work: Mask,
     hidden: Option<Mask>,
-    pieces: Components,
+    components: Components,
     least_piece_px2: usize,
-    drops_weak: bool,
+    removes_weak: bool,
 }
 
 impl TextureContact {
@@ -157,20 +157,20 @@ impl TextureContact {
             edges: Mask::new(size),
             work: Mask::new(size),
             hidden: None,
-            pieces: Components::new(size),
+            components: Components::new(size),
             least_piece_px2: (LEAST_PIECE_PITCH * LEAST_PIECE_PITCH * sensor.pitch_px * sensor.pitch_px).round()
                 as usize,
-            drops_weak: settings.drop_weak_pieces,
+            removes_weak: settings.drop_weak_pieces,
         }
     }
 
     /// Writes the region; returns the share of edge pixels in it.
     fn find(&mut self, flat: &[u8], seen: Option<&Mask>, region: &mut Mask) -> f64 {
-        self.find_with(flat, seen, self.drops_weak, region)
+        self.find_with(flat, seen, self.removes_weak, region)
     }
 
-    /// The same; `drop_weak`: whether weak pieces are dropped.
-    fn find_with(&mut self, flat: &[u8], seen: Option<&Mask>, drop_weak: bool, region: &mut Mask) -> f64 {
+    /// The same; `remove_weak`: whether weak pieces are dropped.
+    fn find_with(&mut self, flat: &[u8], seen: Option<&Mask>, remove_weak: bool, region: &mut Mask) -> f64 {
         let size = region.size();
         let mut from = 0;
         for band in &self.bands {
@@ -187,8 +187,8 @@ impl TextureContact {
         }
         self.morphology.close(&self.edges, &self.close, &mut self.work);
         self.morphology.erode(&self.work, &self.erode, region);
-        if drop_weak {
-            self.pieces.drop_weak(region, &self.edges, self.least_piece_px2, WEAK_PIECE_FRACTION);
+        if remove_weak {
+            self.components.remove_weak(region, &self.edges, self.least_piece_px2, WEAK_PIECE_FRACTION);
         }
         self.morphology.dilate(region, &self.dilate, &mut self.work);
         region.copy_from(&self.work);
@@ -317,7 +317,7 @@ impl Contact {
         }
         if let Some(displaced) = &mut self.displaced {
             if seen {
-                displaced.yield_to_picture(markers);
+                displaced.reset_baseline(markers);
             } else if self.untouched == Untouched::AtRest {
                 self.strength = displaced.find(markers, &mut self.region);
                 self.area_px2 = self.region.area_px2();

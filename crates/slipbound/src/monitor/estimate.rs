@@ -19,25 +19,25 @@ mod field;
 mod friction;
 mod last_motion;
 mod load;
+mod prediction;
 mod reference;
-mod said;
 mod window;
 
 pub use features::{FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
 pub(super) use features::{LOAD, NARROW, TURNING, WIDE};
 
-use crate::monitor::passed::passed_s;
+use crate::monitor::frame_period::frame_period_s;
 use crate::monitor::report::{Estimate, Estimates, Marker};
 use crate::plane::{RigidMotion, Vec2};
 use crate::port::GripSample;
 use crate::sensor::Sensor;
 use field::{FieldFacts, Learned, Point};
-use friction::{Friction, Shown, half_width_px, sunk};
+use friction::{Friction, Shown, half_width_px, indentation_gain};
 use last_motion::{Carried, LastMotion};
 use load::{Load, Middle};
+pub use prediction::EstimateTrees;
+use prediction::Trees;
 use reference::{Reference, Regrip};
-pub use said::EstimateTrees;
-use said::Trees;
 use std::sync::Arc;
 use window::{Sample, Stretches, Window};
 
@@ -45,8 +45,8 @@ use window::{Sample, Stretches, Window};
 const LEAST_POINTS: usize = 4;
 /// Width of the surrounding gel that a sticking patch drags along: 0.64 of a layer of 3 mm, in mm, and in pitches where
 /// the pitch in mm is unknown.
-const SKIRT_MM: f64 = 1.92;
-const SKIRT_PITCH: f64 = 1.28;
+const DRAG_WIDTH_MM: f64 = 1.92;
+const DRAG_WIDTH_PITCH: f64 = 1.28;
 /// Time constant of the mean of the grip force, s, and its largest deviation from the reading, N and as a share of it.
 /// Without that limit the reading of a grip that grows at 60 N/s would be 6 N ahead of the mean, and the load would
 /// seem to use a third more of it.
@@ -70,7 +70,7 @@ const LEAST_FRICTION: f64 = 0.25;
 #[derive(Debug, Clone)]
 pub(super) struct Estimator {
     pitch_px: f64,
-    skirt_px: f64,
+    drag_width_px: f64,
     mm_per_px: Option<f64>,
     /// Shear stiffness, N per px of displacement and px2 of area.
     stiffness_n_per_px3: Option<f64>,
@@ -126,17 +126,17 @@ impl Estimator {
         }
         let p = Vec2::new(sensor.pitch_px, sensor.pitch_px);
         let inside = (low + p * 0.6, high - p * 0.6);
-        let skirt_px = sensor.mm_per_px().map_or(SKIRT_PITCH * sensor.pitch_px, |mm| SKIRT_MM / mm);
+        let drag_width_px = sensor.mm_per_px().map_or(DRAG_WIDTH_PITCH * sensor.pitch_px, |mm| DRAG_WIDTH_MM / mm);
         Estimator {
             pitch_px: sensor.pitch_px,
-            skirt_px,
+            drag_width_px,
             mm_per_px: sensor.mm_per_px(),
             stiffness_n_per_px3: sensor
                 .shear
                 .as_ref()
                 .map(|s| s.stiffness_n_per_pitch / (sensor.pitch_px * sensor.pitch_px * sensor.pitch_px)),
             inside,
-            trees: said::shipped(),
+            trees: prediction::shipped(),
             reference: Reference::new(markers),
             window: Window::new(),
             stretches: Stretches::default(),
@@ -150,7 +150,7 @@ impl Estimator {
             knew_grip: false,
             time_s: 0.0,
             last_ns: None,
-            load: Load::new(sensor, markers, skirt_px, inside),
+            load: Load::new(sensor, markers, drag_width_px, inside),
             middle: Middle::default(),
             friction: Friction::default(),
             counts_from_rest: starts_in_contact,
@@ -203,7 +203,7 @@ impl Estimator {
     }
 
     /// Uses other trees from here on.
-    pub fn go_by(&mut self, trees: &EstimateTrees) {
+    pub fn set_trees(&mut self, trees: &EstimateTrees) {
         self.trees = trees.0.clone();
     }
 
@@ -297,7 +297,7 @@ impl Estimator {
             pitch_px: self.pitch_px,
             area_px2: whole_px2,
             hidden_fraction: hidden_px2 / whole_px2.max(1.0),
-            skirt_px: self.skirt_px,
+            drag_width_px: self.drag_width_px,
             force_px3,
             moment_px4,
             stiffness_over_grip_per_px3: stiffness_over_grip,
@@ -346,7 +346,7 @@ impl Estimator {
 
     /// Time since the last frame.
     fn pass_time(&mut self, time_ns: Option<u64>) -> f64 {
-        let seconds_s = passed_s(self.last_ns, time_ns).min(1.0);
+        let seconds_s = frame_period_s(self.last_ns, time_ns).min(1.0);
         self.last_ns = time_ns;
         self.time_s += seconds_s;
         seconds_s
@@ -367,38 +367,38 @@ impl Estimator {
         self.grip_n = Some(mean_n.clamp(force_n - most_n, force_n + most_n));
     }
 
-    /// Ratio of the load at gross slip to mu P: see [`sunk`].
-    fn sunk(&self, stiffness_n_per_px3: f64, grip_n: f64, seen: &Seen) -> f64 {
+    /// Ratio of the load at gross slip to mu P: see [`indentation_gain`].
+    fn indentation_gain(&self, stiffness_n_per_px3: f64, grip_n: f64, seen: &Seen) -> f64 {
         let force_px3 = seen.force_px3.length();
         let along = seen.force_px3 / force_px3.max(1e-9);
         let half_width_px = half_width_px(self.points.iter().map(|q| q.rest), seen.middle, along);
         let shear_px = grip_n / (stiffness_n_per_px3 * seen.area_px2.max(1.0));
-        sunk(shear_px, half_width_px, force_px3 / seen.load_px3.max(1e-9))
+        indentation_gain(shear_px, half_width_px, force_px3 / seen.load_px3.max(1e-9))
     }
 
     fn estimate(&mut self, learned: &Learned, seen: &Seen) {
         let features = &learned.features;
         let load_px3 = seen.load_px3;
         let knows_grip = self.knows_grip();
-        let said = if knows_grip { self.trees.with_grip(features) } else { self.trees.alone(features) };
+        let prediction = if knows_grip { self.trees.with_grip(features) } else { self.trees.alone(features) };
         let load = if knows_grip { load_px3 / self.grip_n.unwrap_or(1.0) } else { load_px3 };
         if knows_grip != std::mem::replace(&mut self.knew_grip, knows_grip) {
             self.last_motion.load_is(load);
         }
         let floor_px = field::FLOOR_PITCH * self.pitch_px;
-        let Carried { said, age_frames } = self.last_motion.see(said, load, learned.rigid_px, floor_px);
-        let mut used = Estimate { value: said.used.clamp(0.0, 1.2), sd: said.used_sd, age_frames };
-        let stick = Estimate { value: said.stick.clamp(0.0, 1.0), sd: said.stick_sd, age_frames };
+        let Carried { prediction, age_frames } = self.last_motion.see(prediction, load, learned.rigid_px, floor_px);
+        let mut used = Estimate { value: prediction.used.clamp(0.0, 1.2), sd: prediction.used_sd, age_frames };
+        let stick = Estimate { value: prediction.stick.clamp(0.0, 1.0), sd: prediction.stick_sd, age_frames };
         if let (Some(k), Some(grip_n)) = (self.stiffness_n_per_px3, self.grip_n.filter(|n| *n > 0.0)) {
             let per_grip = k * load_px3 / grip_n;
             // Rolling and settling make the rim lag, too, but at a small load nothing slides.
             used.value = used.value.min(per_grip / LEAST_FRICTION);
-            let log_used_sd = said.log_used_sd.unwrap_or(used.sd / used.value.max(1e-3));
+            let log_used_sd = prediction.log_used_sd.unwrap_or(used.sd / used.value.max(1e-3));
             let shown = Shown {
                 at_s: self.time_s,
                 per_grip,
                 grip_n,
-                sunk: self.sunk(k, grip_n, seen),
+                indentation_gain: self.indentation_gain(k, grip_n, seen),
                 imprint_slides: self.imprint_slides,
                 log_used_sd,
             };

@@ -11,8 +11,8 @@
 
 mod field;
 mod gel;
+mod image_cells;
 mod pattern;
-mod picture;
 mod planes;
 mod recent;
 mod slide;
@@ -21,9 +21,9 @@ mod sliding;
 use crate::image::Frame;
 use crate::monitor::imprint::Imprint;
 use crate::monitor::motion::fit_rigid;
-use crate::monitor::pace::Due;
 use crate::monitor::report::{EvidenceReport, Marker};
 use crate::monitor::rest::{Rest, RestKind};
+use crate::monitor::schedule::Due;
 use crate::plane::Vec2;
 use crate::sensor::{Sensor, Skin};
 use crate::setting::{SettingError, within};
@@ -245,12 +245,12 @@ impl Evidence {
             self.restart(frame.seq, markers);
         }
         if self.begun {
-            self.weigh(frame, markers);
+            self.evaluate(frame, markers);
         }
     }
 
     /// Evaluates the displacement of the markers; returns the slide score, with the largest change of the imprint.
-    fn weigh_field(&mut self, markers: &[Marker], imprint_change: Option<f64>) -> f64 {
+    fn evaluate_field(&mut self, markers: &[Marker], imprint_change: Option<f64>) -> f64 {
         self.field.take(&self.reference_px, markers, self.pitch_px);
         let most = |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(f64::max);
         self.greatest = Greatest {
@@ -264,16 +264,16 @@ impl Evidence {
 
     /// A frame whose imprint is not evaluated: the last values of the imprint are reported, one frame older.
     fn go_on(&mut self, markers: &[Marker]) {
-        let slide_score = self.weigh_field(markers, None);
+        let slide_score = self.evaluate_field(markers, None);
         let Some(report) = &mut self.report else { return };
         (report.relaxation, report.centre_rim_ratio) = (self.field.relaxation, self.field.centre_rim_ratio);
         (report.slide_score, report.imprint_age_frames) = (slide_score, report.imprint_age_frames + 1);
     }
 
     /// The evidence of a frame that has a reference.
-    fn weigh(&mut self, frame: &Frame<'_>, markers: &[Marker]) {
+    fn evaluate(&mut self, frame: &Frame<'_>, markers: &[Marker]) {
         let imprint_change = self.pattern.now.change(&self.reference_pattern);
-        let slide_score = self.weigh_field(markers, imprint_change);
+        let slide_score = self.evaluate_field(markers, imprint_change);
         self.slide.take(&self.pattern);
         let sliding = self.gel_in_contact(markers).and_then(|(shift_px, turn_rad)| {
             let slide = &self.slide;

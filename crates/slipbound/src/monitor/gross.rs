@@ -12,21 +12,21 @@
 //! before it slides as a whole, so shape and share of rotation count. A load that still grows is still carried.
 //!
 //! The imprint of a round or soft object shows no rotation, even if the object spins away within a frame. So, where the
-//! grip force is known, estimates that the friction is spent are gross slip, too; they do not update the friction. On a
+//! grip force is known, estimates that all friction is used are gross slip, too; they do not update the friction. On a
 //! smooth gel, the slide score also counts if the object is held from the first frame, so that the unloaded gel is
 //! unknown.
 
+mod friction_limit;
 mod growth;
 mod score;
-mod spent;
 
 use super::estimate::{Features, LOAD, NARROW, TURNING, WIDE};
 use super::evidence::{Recent, WINDOWS_S};
 use super::report::{Estimates, EvidenceReport};
 use super::trees::{Ensemble, parse};
+use friction_limit::{CONTINUE_STICK, CONTINUE_USED, FrictionLimit};
 use growth::{Grown, Growth};
 use score::ScoreWatch;
-use spent::{GOES_ON_STICK, GOES_ON_USED, Spent};
 use std::sync::LazyLock;
 
 pub(super) use growth::Loaded;
@@ -48,13 +48,13 @@ pub type SlideFeatures = [f64; SLIDE_FEATURES_COUNT];
 /// Probability from which a slide updates the friction, with grip force and from images alone, and down to which it
 /// continues. The lowest tried at which less than half a per cent of the trials of held-out objects have false alarms:
 /// .95 with the grip force, 7 of 1,775 (in time in 1,193 of 1,403); .98 without it, 8 (983).
-const BEGINS: f64 = 0.95;
-const BEGINS_ALONE: f64 = 0.98;
-const GOES_ON: f64 = 0.05;
+const ONSET_PROBABILITY: f64 = 0.95;
+const ONSET_PROBABILITY_ALONE: f64 = 0.98;
+const CONTINUE_PROBABILITY: f64 = 0.05;
 
 /// Probability from which a slide is reported where the grip force is known; chosen together with the limits of
-/// [`Spent`].
-const SAID: f64 = 0.97;
+/// [`FrictionLimit`].
+const REPORT_PROBABILITY: f64 = 0.97;
 
 /// Where the grip force is known, no slide begins below this used fraction: the estimate is seldom off by half, and a
 /// sudden press moves an imprint over the gel as a slide does. With other trees this limit delayed 5 of 809 slides of
@@ -138,9 +138,9 @@ pub(super) struct GrossWatch {
     /// Slides by its motion, with enough confidence to update the friction.
     moves: bool,
     /// The same, with enough confidence to report it.
-    is_said: bool,
+    is_reported: bool,
     all_used_frames_count: u32,
-    spent: Spent,
+    friction_limit: FrictionLimit,
     score: ScoreWatch,
     /// Slides by the slide score, where the object was held from the start.
     slides_by_score: bool,
@@ -154,9 +154,9 @@ impl GrossWatch {
         GrossWatch {
             trees: shipped(),
             moves: false,
-            is_said: false,
+            is_reported: false,
             all_used_frames_count: 0,
-            spent: Spent::new(),
+            friction_limit: FrictionLimit::new(),
             score: ScoreWatch::new(),
             slides_by_score: false,
             growth: Growth::new(),
@@ -171,7 +171,7 @@ impl GrossWatch {
 
     /// Whether gross slip is reported: by motion, because all of the friction is used, or by the slide score.
     pub fn slides(&self) -> bool {
-        self.is_said || self.spent.lasts || self.slides_by_score
+        self.is_reported || self.friction_limit.is_reached || self.slides_by_score
     }
 
     /// Adds a frame. Returns whether the object slides by its motion, with enough confidence to update the friction.
@@ -182,15 +182,15 @@ impl GrossWatch {
         let grown = seen.loaded.map(|(_, loaded)| self.growth.see(loaded));
         let (Some(margin), Some(stick)) = (estimates.margin, estimates.stick_ratio) else {
             (self.features, self.all_used_frames_count) = (None, 0);
-            self.spent.pause();
+            self.friction_limit.pause();
             self.moves = seen.evidence.is_some_and(|evidence| evidence.slides);
-            self.is_said = self.moves;
+            self.is_reported = self.moves;
             return self.moves;
         };
         let used = 1.0 - margin.value;
         match seen.loaded.filter(|_| knows_grip) {
-            Some((_, loaded)) => self.spent.see(loaded.at_s, used, stick),
-            None => self.spent.pause(),
+            Some((_, loaded)) => self.friction_limit.see(loaded.at_s, used, stick),
+            None => self.friction_limit.pause(),
         }
         let stick = stick.value;
         self.features = features(estimates, seen, grown);
@@ -198,8 +198,8 @@ impl GrossWatch {
             Some(features) => {
                 self.all_used_frames_count = 0;
                 let (trees, least, sure) = match knows_grip {
-                    true => (&self.trees.grip, BEGINS, SAID),
-                    false => (&self.trees.alone, BEGINS_ALONE, BEGINS_ALONE),
+                    true => (&self.trees.grip, ONSET_PROBABILITY, REPORT_PROBABILITY),
+                    false => (&self.trees.alone, ONSET_PROBABILITY_ALONE, ONSET_PROBABILITY_ALONE),
                 };
                 let can_begin = !knows_grip || used >= LEAST_USED;
                 // Where a slide can neither begin nor continue, the trees are not evaluated.
@@ -207,17 +207,21 @@ impl GrossWatch {
                     true => 1.0 / (1.0 + libm::exp(-trees.at(features))),
                     false => 0.0,
                 };
-                (can_begin && probability >= least, can_begin && probability >= sure, probability >= GOES_ON)
+                (
+                    can_begin && probability >= least,
+                    can_begin && probability >= sure,
+                    probability >= CONTINUE_PROBABILITY,
+                )
             }
             None => {
                 let all_used = used >= ALL_USED && stick <= NONE_STICKS;
                 self.all_used_frames_count = if all_used { self.all_used_frames_count + 1 } else { 0 };
                 let begins = self.all_used_frames_count >= ALL_USED_FRAMES;
-                (begins, begins, used >= GOES_ON_USED && stick <= GOES_ON_STICK)
+                (begins, begins, used >= CONTINUE_USED && stick <= CONTINUE_STICK)
             }
         };
         self.moves = begins || self.moves && goes_on;
-        self.is_said = says || self.is_said && goes_on;
+        self.is_reported = says || self.is_reported && goes_on;
         self.moves
     }
 }
@@ -345,7 +349,7 @@ mod tests {
                 let loaded = Loaded { at_s, load: libm::exp(growth_per_s * at_s), grip_n: 0.0 };
                 let seen = Seen { loaded: Some((&field, loaded)), ..seen(&evidence, Some(&recent), &field) };
                 says = watch.see(&estimates(0.9, 0.1), false, &seen);
-                (watch.moves, watch.is_said) = (false, false);
+                (watch.moves, watch.is_reported) = (false, false);
             }
             says
         });

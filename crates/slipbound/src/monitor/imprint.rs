@@ -86,7 +86,7 @@ pub(super) struct Imprint {
     /// Pixels where the camera sees undamaged skin; None if it is all of them.
     seen: Option<Mask>,
     /// Top left and bottom right of a rectangle that the camera sees entirely.
-    amid: (Vec2, Vec2),
+    inner_rectangle: (Vec2, Vec2),
     smooth: Option<(Smooth, Flatten)>,
     has_cells: bool,
     pub(super) grey: Vec<u8>,
@@ -128,7 +128,9 @@ impl Imprint {
             weights: GreyWeights::new(sensor.grey_weights_rgb),
             dark_below_levels: settings.dark_below_levels,
             seen: seen(sensor, warp.as_ref().map(|(table, _)| table)),
-            amid: warp.as_ref().map_or((Vec2::ZERO, Vec2::ZERO), |(table, _)| amid(table.valid())),
+            inner_rectangle: warp
+                .as_ref()
+                .map_or((Vec2::ZERO, Vec2::ZERO), |(table, _)| inner_rectangle(table.valid())),
             warp,
             smooth: has_flat.then(|| (smooth(), Flatten::new(FLATTEN.0, FLATTEN.1, FLATTEN.2))),
             mean_levels: 0.0,
@@ -231,8 +233,8 @@ impl Imprint {
 
     /// Whether `p` with a margin of `px` is in a rectangle that the camera sees entirely: a fast test, enough for most
     /// positions.
-    pub(super) fn is_amid(&self, p: Vec2, px: f64) -> bool {
-        let (low, high) = self.amid;
+    pub(super) fn is_in_inner_rectangle(&self, p: Vec2, px: f64) -> bool {
+        let (low, high) = self.inner_rectangle;
         p.x - px >= low.x && p.x + px <= high.x && p.y - px >= low.y && p.y + px <= high.y
     }
 
@@ -243,7 +245,7 @@ impl Imprint {
 }
 
 /// A rectangle with all pixels set: the side with the most clear pixels is moved inwards until none is left.
-fn amid(mask: &Mask) -> (Vec2, Vec2) {
+fn inner_rectangle(mask: &Mask) -> (Vec2, Vec2) {
     let (mut left, mut top) = (0, 0);
     let (mut right, mut bottom) = (mask.size().width as isize - 1, mask.size().height as isize - 1);
     let open = |xs: std::ops::RangeInclusive<isize>, ys: std::ops::RangeInclusive<isize>| {

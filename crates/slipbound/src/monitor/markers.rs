@@ -10,12 +10,12 @@
 mod anchor;
 mod detect;
 mod follow;
-mod look;
 mod matching;
 mod median;
 mod plane_fit;
 mod settings;
 mod spot_index;
+mod templates;
 mod threshold;
 mod view;
 
@@ -33,8 +33,8 @@ use crate::plane::Vec2;
 use crate::sensor::{Sensor, Skin};
 use anchor::Anchor;
 use detect::core_levels;
-use look::{Looks, Seen};
 use matching::Matching;
+use templates::{MarkerTemplates, TemplateMatch};
 
 /// After this many untrusted frames in a row, markers are also searched for at their last trusted and rest positions.
 const UNTRUSTED_FRAMES_COUNT: u32 = 5;
@@ -73,7 +73,7 @@ pub(super) struct Markers {
     detector: Detector,
     matching: Matching,
     /// For a fabric skin only: gaps of its weave look like dots.
-    looks: Option<Looks>,
+    templates: Option<MarkerTemplates>,
     before: Vec<Vec2>,
     /// Positions of the followed markers.
     followed: Vec<Vec2>,
@@ -99,12 +99,12 @@ impl Markers {
         let all: Vec<Marker> =
             at_rest.iter().enumerate().map(|(id, m)| Marker::at_rest(id as u32, m.position)).collect();
         // Deviation: D17 looks
-        let looked_at = sensor.skin == Skin::Fabric && settings.finder == Finder::Edges && settings.ask_neighbours;
+        let has_templates = sensor.skin == Skin::Fabric && settings.finder == Finder::Edges && settings.ask_neighbours;
         Markers {
             settings: settings.clone(),
             detector,
             matching: Matching::new(sensor, &all, view),
-            looks: looked_at.then(|| Looks::new(sensor, &rest.grey, at_rest)),
+            templates: has_templates.then(|| MarkerTemplates::new(sensor, &rest.grey, at_rest)),
             before: vec![Vec2::ZERO; all.len()],
             followed: vec![Vec2::ZERO; all.len()],
             kept: all.clone(),
@@ -148,8 +148,8 @@ impl Markers {
         m.assign(self.settings.match_within_pitch);
         if self.settings.ask_neighbours {
             m.settle_with_neighbours(&self.all);
-            if m.torn(&self.all) {
-                m.repair_tear(&self.all, self.tracks.iter().map(|t| t.trusted));
+            if m.is_inconsistent(&self.all) {
+                m.repair_field(&self.all, self.tracks.iter().map(|t| t.trusted));
             }
             self.untrusted_frames_count = if m.trustworthy() { 0 } else { self.untrusted_frames_count + 1 };
         }
@@ -241,29 +241,31 @@ impl Markers {
                 true => self.matching.step_of_neighbours(&self.before, i).map(|step| before + step),
                 false => Some(expected),
             };
-            let (seen, inferred) = match &mut self.looks {
-                None => (Seen::Unknown, None),
-                Some(looks) => {
+            let (template_match, inferred) = match &mut self.templates {
+                None => (TemplateMatch::NotChecked, None),
+                Some(templates) => {
                     let inferred = inferred();
                     let at = spot.map(|s| s.position);
-                    if touched && looks.is_plain(i, at, inferred) && is_away(&self.matching, &self.all, i) {
-                        (Seen::Unknown, inferred)
+                    if touched && templates.is_plain(i, at, inferred) && is_away(&self.matching, &self.all, i) {
+                        (TemplateMatch::NotChecked, inferred)
                     } else {
                         let stretch = self.matching.stretch(&self.all, &self.before, i);
-                        (looks.look(imprint, i, at, inferred, stretch), inferred)
+                        (templates.find(imprint, i, at, inferred, stretch), inferred)
                     }
                 }
             };
-            let whole = match seen {
-                Seen::At(fit) if self.detector.in_view(imprint, fit.place) => {
+            let whole = match template_match {
+                TemplateMatch::Found(fit) if self.detector.in_view(imprint, fit.place) => {
                     Some(self.settle(imprint, i, &fit, spot.as_ref()))
                 }
-                Seen::At(_) | Seen::Doubtful => None,
-                Seen::Unknown => spot.and_then(|spot| self.detector.refine(imprint, &spot, &self.tracks[i].rest)),
+                TemplateMatch::Found(_) | TemplateMatch::Rejected => None,
+                TemplateMatch::NotChecked => {
+                    spot.and_then(|spot| self.detector.refine(imprint, &spot, &self.tracks[i].rest))
+                }
             };
-            let cut = || if seen == Seen::Doubtful { None } else { self.matching.cut(&self.all, i) };
+            let cut = || if template_match == TemplateMatch::Rejected { None } else { self.matching.cut(&self.all, i) };
             let found = whole.or_else(cut);
-            let expected = inferred.filter(|_| seen == Seen::Doubtful).unwrap_or(expected);
+            let expected = inferred.filter(|_| template_match == TemplateMatch::Rejected).unwrap_or(expected);
             let marker = &mut self.all[i];
             marker.matched = found.is_some();
             marker.whole = whole.is_some();
@@ -284,9 +286,9 @@ impl Markers {
     /// Position of marker `i` from its template fit and its spot, if there is one. Fit and position are taken to be as
     /// far apart as last time.
     fn settle(&mut self, imprint: &Imprint, i: usize, fit: &Fit, spot: Option<&Spot>) -> Vec2 {
-        let Some(looks) = &mut self.looks else { return fit.place };
-        let place = self.detector.blend(imprint, fit, spot, fit.place - looks.lead(i), &self.tracks[i].rest);
-        looks.taken(i, fit, place);
+        let Some(templates) = &mut self.templates else { return fit.place };
+        let place = self.detector.blend(imprint, fit, spot, fit.place - templates.fit_offset(i), &self.tracks[i].rest);
+        templates.store_fit_offset(i, fit, place);
         place
     }
 }

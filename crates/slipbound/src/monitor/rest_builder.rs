@@ -20,7 +20,7 @@ use crate::monitor::settings::Settings;
 use crate::plane::Vec2;
 use crate::sensor::{Flip, Sensor, Skin};
 use crate::setting::SettingError;
-use choose::Picture;
+use choose::CellImage;
 
 /// An imprint is sharper than the untouched finger by this factor; noise and JPEG change sharpness by a tenth.
 const IMPRINT_RATIO: f64 = 1.35;
@@ -33,7 +33,7 @@ pub struct RestBuilder {
     imprint: Imprint,
     map: CellMap,
     detector: Detector,
-    looks: Vec<Picture>,
+    looks: Vec<CellImage>,
     grey_sum: Vec<u32>,
     cells_sum: Vec<[f32; 3]>,
     frames_count: u32,
@@ -84,11 +84,11 @@ impl RestBuilder {
         let mut look =
             RestLook { mean_levels: None, change_levels: f64::INFINITY, sharpness: f64::INFINITY, touched: true };
         if self.imprint.take(frame, true).is_err() {
-            self.looks.push(Picture::default());
+            self.looks.push(CellImage::default());
             return look;
         }
         let radius_px = (0.4 * self.sensor.pitch_px).max(cover_radius_px(&self.sensor));
-        let now = Picture {
+        let now = CellImage {
             cells: (0..self.map.count()).map(|i| self.map.colour(&self.imprint.cells, i)).collect(),
             covered: self.covered(radius_px),
         };

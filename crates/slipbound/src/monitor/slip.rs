@@ -160,7 +160,7 @@ impl Slip {
     /// Sets kind and direction from the load where the slip field does not show them: the object moves where the load
     /// pulls it, with the shares by which pull and turn move the gel, both in px3: displacement of the gel times its
     /// area. Without load they are unknown.
-    pub(super) fn say_load(&mut self, pull_px3: Vec2, turn_px3: f64) {
+    pub(super) fn set_kind_from_load(&mut self, pull_px3: Vec2, turn_px3: f64) {
         if pull_px3 == Vec2::ZERO && turn_px3 == 0.0 {
             return;
         }
@@ -286,7 +286,7 @@ mod tests {
             (0.5, 0.99, SlipKind::Both),
             (0.5, -1.01, SlipKind::Rotation),
         ] {
-            slip.say_load(Vec2::new(0.0, force), torque);
+            slip.set_kind_from_load(Vec2::new(0.0, force), torque);
             let direction_rad = (kind != SlipKind::Rotation).then_some(std::f64::consts::FRAC_PI_2);
             assert_eq!(
                 (slip.summary.kind, slip.summary.direction_rad),

@@ -89,10 +89,10 @@ impl Background {
     /// other.
     fn smooth_rows(&mut self) {
         let SizePx { width, height } = self.tiles;
-        lay_on_its_side(&self.levels, width, &mut self.levels_next);
+        transpose(&self.levels, width, &mut self.levels_next);
         std::mem::swap(&mut self.levels, &mut self.levels_next);
         self.smooth_down(height, width);
-        lay_on_its_side(&self.levels, height, &mut self.levels_next);
+        transpose(&self.levels, height, &mut self.levels_next);
         std::mem::swap(&mut self.levels, &mut self.levels_next);
     }
 
@@ -178,7 +178,7 @@ fn mean_level(sum: u32, inverse: u32) -> u16 {
 }
 
 /// Transposes, in square blocks as far as they fit.
-fn lay_on_its_side(levels: &[u16], width: usize, out: &mut [u16]) {
+fn transpose(levels: &[u16], width: usize, out: &mut [u16]) {
     const SIDE: usize = 8;
     let height = levels.len() / width.max(1);
     let (right, bottom) = (width - width % SIDE, height - height % SIDE);

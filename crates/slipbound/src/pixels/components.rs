@@ -23,10 +23,10 @@ pub struct Component {
 
 /// A run and the index of the first run of its component.
 #[derive(Debug, Clone)]
-pub(crate) struct RunOfPiece {
+pub(crate) struct ComponentRun {
     pub(crate) row: usize,
     pub(crate) columns: std::ops::Range<usize>,
-    pub(crate) piece: usize,
+    pub(crate) component: usize,
 }
 
 /// The scratch memory of the labelling.
@@ -35,7 +35,7 @@ pub struct Components {
     size: SizePx,
     runs: Runs,
     /// Per run the index of its component.
-    piece: Vec<u32>,
+    component_of: Vec<u32>,
     components: Vec<Component>,
     /// Sums of x and y over the pixels of each component.
     sums: Vec<[u64; 2]>,
@@ -50,15 +50,15 @@ impl Components {
     pub fn new(size: SizePx) -> Self {
         let runs = Runs::new(size);
         let most_runs = runs.all.capacity();
-        let pieces = size.width.div_ceil(2) * size.height.div_ceil(2);
+        let most_components = size.width.div_ceil(2) * size.height.div_ceil(2);
         Components {
             size,
             runs,
-            piece: Vec::with_capacity(most_runs),
-            components: Vec::with_capacity(pieces),
-            sums: Vec::with_capacity(pieces),
+            component_of: Vec::with_capacity(most_runs),
+            components: Vec::with_capacity(most_components),
+            sums: Vec::with_capacity(most_components),
             reaches_border: Vec::with_capacity(most_runs),
-            filled_px2: Vec::with_capacity(pieces),
+            filled_px2: Vec::with_capacity(most_components),
         }
     }
 
@@ -67,11 +67,11 @@ impl Components {
         self.runs.find(mask, 0, Corners::Join);
         self.components.clear();
         self.sums.clear();
-        self.piece.clear();
+        self.component_of.clear();
         for (i, (run, root)) in self.runs.with_roots().enumerate() {
             let root = root as usize;
-            let piece = if root == i { self.components.len() } else { self.piece[root] as usize };
-            self.piece.push(piece as u32);
+            let component = if root == i { self.components.len() } else { self.component_of[root] as usize };
+            self.component_of.push(component as u32);
             let (from, to, y) = (run.from as usize, run.to as usize, run.row as usize);
             if root == i {
                 self.components.push(Component {
@@ -84,12 +84,12 @@ impl Components {
                 });
                 self.sums.push([0; 2]);
             }
-            let c = &mut self.components[piece];
+            let c = &mut self.components[component];
             c.area_px2 += to - from;
             c.left_px = c.left_px.min(from);
             c.right_px = c.right_px.max(to);
             c.bottom_px = y + 1;
-            let [sum_x, sum_y] = &mut self.sums[piece];
+            let [sum_x, sum_y] = &mut self.sums[component];
             *sum_x += ((from + to - 1) * (to - from) / 2) as u64;
             *sum_y += (y * (to - from)) as u64;
         }
@@ -107,8 +107,8 @@ impl Components {
     /// Clears every component of `mask` that `keep` rejects.
     pub fn retain(&mut self, mask: &mut Mask, keep: impl Fn(&Component) -> bool) {
         self.label(mask);
-        for (run, &piece) in self.runs.all.iter().zip(&self.piece) {
-            if !keep(&self.components[piece as usize]) {
+        for (run, &component) in self.runs.all.iter().zip(&self.component_of) {
+            if !keep(&self.components[component as usize]) {
                 run.write(mask, false);
             }
         }
@@ -124,8 +124,8 @@ impl Components {
                 (largest, number) = (*c, i as u32);
             }
         }
-        for (run, &piece) in self.runs.all.iter().zip(&self.piece) {
-            if piece != number {
+        for (run, &component) in self.runs.all.iter().zip(&self.component_of) {
+            if component != number {
                 run.write(mask, false);
             }
         }
@@ -139,20 +139,22 @@ impl Components {
 
     /// Clears the components of fewer than `least_area_px2` pixels, and those of which `other` fills less than
     /// `least_fraction` times the share that it fills of the largest component.
-    pub fn drop_weak(&mut self, mask: &mut Mask, other: &Mask, least_area_px2: usize, least_fraction: f64) {
+    pub fn remove_weak(&mut self, mask: &mut Mask, other: &Mask, least_area_px2: usize, least_fraction: f64) {
         self.label(mask);
         self.filled_px2.clear();
         self.filled_px2.resize(self.components.len(), 0);
-        for (run, &piece) in self.runs.all.iter().zip(&self.piece) {
-            self.filled_px2[piece as usize] += run.count(other);
+        for (run, &component) in self.runs.all.iter().zip(&self.component_of) {
+            self.filled_px2[component as usize] += run.count(other);
         }
-        let share = |piece: usize| f64::from(self.filled_px2[piece]) / self.components[piece].area_px2 as f64;
-        let Some(largest) = (0..self.components.len()).max_by_key(|&piece| self.components[piece].area_px2) else {
+        let share =
+            |component: usize| f64::from(self.filled_px2[component]) / self.components[component].area_px2 as f64;
+        let Some(largest) = (0..self.components.len()).max_by_key(|&component| self.components[component].area_px2)
+        else {
             return;
         };
         let least = least_fraction * share(largest);
-        for (run, &piece) in self.runs.all.iter().zip(&self.piece) {
-            if self.components[piece as usize].area_px2 < least_area_px2 || share(piece as usize) < least {
+        for (run, &component) in self.runs.all.iter().zip(&self.component_of) {
+            if self.components[component as usize].area_px2 < least_area_px2 || share(component as usize) < least {
                 run.write(mask, false);
             }
         }
@@ -179,22 +181,22 @@ impl Components {
     }
 
     /// The runs of a mask, row by row, and their components when only sides connect.
-    pub(crate) fn runs_by_sides(&mut self, mask: &Mask) -> impl Iterator<Item = RunOfPiece> + Clone {
+    pub(crate) fn runs_by_sides(&mut self, mask: &Mask) -> impl Iterator<Item = ComponentRun> + Clone {
         self.runs_of(mask, 0)
     }
 
     /// The same for the clear pixels.
-    pub(crate) fn clear_runs_by_sides(&mut self, mask: &Mask) -> impl Iterator<Item = RunOfPiece> + Clone {
+    pub(crate) fn clear_runs_by_sides(&mut self, mask: &Mask) -> impl Iterator<Item = ComponentRun> + Clone {
         self.runs_of(mask, u64::MAX)
     }
 
-    fn runs_of(&mut self, mask: &Mask, flip: u64) -> impl Iterator<Item = RunOfPiece> + Clone {
+    fn runs_of(&mut self, mask: &Mask, flip: u64) -> impl Iterator<Item = ComponentRun> + Clone {
         self.runs.find(mask, flip, Corners::Part);
         self.components.clear();
-        self.runs.with_roots().map(|(run, root)| RunOfPiece {
+        self.runs.with_roots().map(|(run, root)| ComponentRun {
             row: run.row as usize,
             columns: run.from as usize..run.to as usize,
-            piece: root as usize,
+            component: root as usize,
         })
     }
 }
@@ -245,17 +247,17 @@ mod tests {
              ..............#.",
         );
         let mut components = Components::new(mask.size());
-        components.drop_weak(&mut mask, &filled, 5, 0.6);
+        components.remove_weak(&mut mask, &filled, 5, 0.6);
         let kept = Mask::from_picture(
             "####.........###
              ####.........###
              ####.........###",
         );
         assert_eq!(mask, kept);
-        components.drop_weak(&mut mask, &filled, 5, 0.9);
+        components.remove_weak(&mut mask, &filled, 5, 0.9);
         assert_eq!(mask.area_px2(), 12, "5 of 9 is less than nine tenths of 8 of 12");
         mask.clear();
-        components.drop_weak(&mut mask, &filled, 5, 0.6);
+        components.remove_weak(&mut mask, &filled, 5, 0.6);
         assert_eq!(mask.area_px2(), 0);
     }
 

@@ -39,17 +39,17 @@ impl Disc {
     /// Closes gaps narrower than the disc: the maximum around every cell, then the minimum of those. Values must not be
     /// negative.
     pub fn close(&mut self, values: &mut [f32]) {
-        self.greatest(values);
-        self.least(values);
+        self.dilate(values);
+        self.erode(values);
     }
 
     /// The maximum within the disc around every cell. Values must not be negative.
-    pub fn greatest(&mut self, values: &mut [f32]) {
+    pub fn dilate(&mut self, values: &mut [f32]) {
         self.extreme::<true>(values);
     }
 
     /// The minimum within the disc around every cell.
-    pub fn least(&mut self, values: &mut [f32]) {
+    pub fn erode(&mut self, values: &mut [f32]) {
         self.extreme::<false>(values);
     }
 

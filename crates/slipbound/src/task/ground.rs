@@ -23,7 +23,7 @@ type Fingers = ([Health; FINGERS_MOST], bool);
 
 /// The last values of a set of fingers, and their references.
 #[derive(Debug, Clone, Copy)]
-struct Felt {
+struct GroundEstimate {
     fingers: Fingers,
     seen_ns: u64,
     pivot_rad: f64,
@@ -35,7 +35,7 @@ struct Felt {
     mean: Option<(f64, u64)>,
 }
 
-impl Felt {
+impl GroundEstimate {
     fn turned_rad(&self) -> f64 {
         self.pivot_rad - self.hanging_rad
     }
@@ -49,7 +49,7 @@ impl Felt {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Ground {
     /// The newest first.
-    felt: [Option<Felt>; SETS_COUNT],
+    estimates: [Option<GroundEstimate>; SETS_COUNT],
 }
 
 impl Ground {
@@ -57,18 +57,19 @@ impl Ground {
     pub fn turned_rad(&mut self, now_ns: u64, hand: &HandReport) -> Option<f64> {
         let (along_mm, pivot_rad) = (hand.shear_mm?.along, hand.pivot_rad?);
         let fingers = (hand.health, hand.separated);
-        let last = self.felt[0];
-        let of_these = self.felt.iter().position(|felt| felt.is_some_and(|felt| felt.fingers == fingers));
-        self.felt[..=of_these.unwrap_or(SETS_COUNT - 1)].rotate_right(1);
-        let own = self.felt[0].filter(|felt| {
+        let last = self.estimates[0];
+        let of_these =
+            self.estimates.iter().position(|estimate| estimate.is_some_and(|estimate| estimate.fingers == fingers));
+        self.estimates[..=of_these.unwrap_or(SETS_COUNT - 1)].rotate_right(1);
+        let own = self.estimates[0].filter(|estimate| {
             let is_last = last.is_some_and(|last| last.fingers == fingers);
-            felt.fingers == fingers && (is_last || now_ns.saturating_sub(felt.seen_ns) <= AWAY_NS)
+            estimate.fingers == fingers && (is_last || now_ns.saturating_sub(estimate.seen_ns) <= AWAY_NS)
         });
         // A set without a mean yet takes over the push of the last set.
         let mean = last
             .and_then(|last| last.mean.zip(last.push_mm()))
             .map(|((_, seen_ns), push_mm)| (along_mm + push_mm, seen_ns));
-        let felt = Felt {
+        let estimate = GroundEstimate {
             fingers,
             seen_ns: now_ns,
             pivot_rad,
@@ -76,19 +77,19 @@ impl Ground {
             hanging_rad: own.map_or(pivot_rad - last.map_or(0.0, |last| last.turned_rad()), |own| own.hanging_rad),
             mean: own.and_then(|own| own.mean).or(mean),
         };
-        self.felt[0] = Some(felt);
-        Some(felt.turned_rad())
+        self.estimates[0] = Some(estimate);
+        Some(estimate.turned_rad())
     }
 
     /// How far the ground has pushed the object against the fingers within about [`CREEP_S`], mm, by the last values.
     /// `stands`: the wrist stands while the push is being confirmed, and the mean is frozen.
     pub fn push_mm(&mut self, now_ns: u64, stands: bool) -> f64 {
-        let Some(felt) = &mut self.felt[0] else { return 0.0 };
-        let (mean_mm, seen_ns) = felt.mean.unwrap_or((felt.along_mm, now_ns));
+        let Some(estimate) = &mut self.estimates[0] else { return 0.0 };
+        let (mean_mm, seen_ns) = estimate.mean.unwrap_or((estimate.along_mm, now_ns));
         let seconds = now_ns.saturating_sub(seen_ns) as f64 * 1e-9;
         let creep_fraction = if stands { 0.0 } else { 1.0 - libm::exp(-seconds / CREEP_S) };
-        let next_mm = mean_mm + creep_fraction * (felt.along_mm - mean_mm);
-        felt.mean = Some((next_mm, now_ns));
-        mean_mm - felt.along_mm
+        let next_mm = mean_mm + creep_fraction * (estimate.along_mm - mean_mm);
+        estimate.mean = Some((next_mm, now_ns));
+        mean_mm - estimate.along_mm
     }
 }

@@ -1,7 +1,7 @@
 //! The common part of screwing and unscrewing: grasp, turn while the controller lets the wrist move, watch the shear.
 
 use super::grasp::{Grasp, Grasped};
-use super::shear_watch::ShearWatch;
+use super::shear_history::ShearHistory;
 use super::step::{Ending, Missing, Observation, PAUSE, Phase, TaskStep, turn};
 use super::tare::Tare;
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
@@ -52,7 +52,7 @@ pub(super) struct Turning {
     tare: Tare,
     phase: Phase,
     start_rad: Option<f64>,
-    shear: ShearWatch,
+    shear: ShearHistory,
     longest_window_rad: f64,
     /// Where slip under the largest force was first and last detected, rad of the turn.
     slips_rad: Option<(f64, f64)>,
@@ -62,7 +62,7 @@ pub(super) struct Turning {
 /// Evidence for ending a turn.
 pub(super) struct Evidence<'a> {
     /// Shear of the gels around the axis over the turn, in the sense of the task.
-    pub shear: &'a ShearWatch,
+    pub shear: &'a ShearHistory,
     /// How far the wrist has turned, in the sense of the task, rad.
     pub turned_rad: f64,
     /// Slip was detected while the gripper pressed with the largest force.
@@ -103,7 +103,7 @@ impl Turning {
             tare: Tare::default(),
             phase: Phase::Grasping,
             start_rad: None,
-            shear: ShearWatch::new(longest_window_rad.max(slide.window_rad)),
+            shear: ShearHistory::new(longest_window_rad.max(slide.window_rad)),
             longest_window_rad,
             slips_rad: None,
             last,

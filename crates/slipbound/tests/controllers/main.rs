@@ -1,10 +1,9 @@
 //! Controllers against synthetic hand reports: the paper's law, the margin, the limits that nothing bypasses.
 
-#[path = "../made_up/mod.rs"]
-mod made_up;
 mod margin;
+#[path = "../synthetic/mod.rs"]
+mod synthetic;
 
-use made_up::{FRAME_NS, gripper, hand};
 use slipbound::grip::{
     ArmMotion, GripController, GripDecision, GripLimits, Guard, Law, MarginSettings, OnSlipSettings,
 };
@@ -12,6 +11,7 @@ use slipbound::hand::HandReport;
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripperState, Jaws};
 use slipbound::task::TaskSettings;
+use synthetic::{FRAME_NS, gripper, hand};
 
 /// Runs a controller over hand reports, with a gripper that follows at once; returns the commands.
 fn commands(law: Law, limits: GripLimits, hands: &[HandReport]) -> Vec<GripDecision> {

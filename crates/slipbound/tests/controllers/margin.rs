@@ -1,7 +1,7 @@
 //! The controller that holds the load with a margin.
 
 use crate::commands;
-use crate::made_up::{FRAME_NS, gripper, hand};
+use crate::synthetic::{FRAME_NS, gripper, hand};
 use slipbound::grip::{GripController, GripLimits, Guard, Law, MarginSettings};
 use slipbound::hand::HandReport;
 use slipbound::monitor::SlipState;

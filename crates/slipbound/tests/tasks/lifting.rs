@@ -1,6 +1,6 @@
 //! Lifting and holding: it begins with a grasp, and time without contact does not count.
 
-use crate::made_up::{gripper, hand};
+use crate::synthetic::{gripper, hand};
 use slipbound::hand::HandReport;
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripperState, Jaws, WristMotion, WristState};

@@ -1,16 +1,16 @@
 //! Tasks against synthetic hand reports: end on evidence, begin with a grasp, never drop the object.
 
 mod lifting;
-#[path = "../made_up/mod.rs"]
-mod made_up;
 mod placing;
 mod screwing;
+#[path = "../synthetic/mod.rs"]
+mod synthetic;
 
-use made_up::{gripper, hand};
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripperState, Jaws, WristMotion, WristState};
 use slipbound::sensor::Sensor;
 use slipbound::task::{ControllerKind, Ending, Missing, Observation, Phase, TaskKind, TaskSettings};
+use synthetic::{gripper, hand};
 
 #[test]
 fn an_empty_gripper_ends_the_task() {

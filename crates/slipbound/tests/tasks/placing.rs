@@ -1,6 +1,6 @@
 //! Laying a tool down: the ground is felt, and nothing is released before the ground carries it.
 
-use crate::made_up::{FRAME_NS, gripper, hand};
+use crate::synthetic::{FRAME_NS, gripper, hand};
 use slipbound::hand::{HandReport, HandSlip, HandVector, Health};
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};

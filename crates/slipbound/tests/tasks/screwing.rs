@@ -1,6 +1,6 @@
 //! Screwing and unscrewing a cap: end on evidence.
 
-use crate::made_up::{FRAME_NS, gripper, hand};
+use crate::synthetic::{FRAME_NS, gripper, hand};
 use slipbound::hand::HandVector;
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, WristMotion, WristState};

@@ -1,8 +1,8 @@
 //! Findings on the finger from the frames: its lighting, its markers and their noise.
 
 use super::finding::{Finding, bad, good, judged};
+use crate::commands::marker_noise::MarkerNoise;
 use crate::commands::rest_window::advice_where_touched;
-use crate::commands::standing::Standing;
 use slipbound::finger_pipeline::RestFinder;
 use slipbound::image::SizePx;
 use slipbound::monitor::{Rest, RestKind, Settings, SlipMonitor};
@@ -70,23 +70,23 @@ pub fn markers(frames: &[FrameBuffer], sensor: &Sensor, saved: Option<Rest>) -> 
         let touched = (kind != RestKind::Unloaded).then(String::new);
         return vec![untouched(touched, sensor.skin), bad("markers", reason.to_string(), fits)];
     }
-    let standing = Standing::see(frames, &mut monitor, |_| true);
+    let marker_noise = MarkerNoise::measure(frames, &mut monitor, |_| true);
     let in_rest = (!is_saved && kind != RestKind::Unloaded).then(String::new);
-    let seen = standing.touched_seq.map(|seq| {
-        let (count, all) = (standing.touched_count, frames.len());
+    let seen = marker_noise.touched_seq.map(|seq| {
+        let (count, all) = (marker_noise.touched_count, frames.len());
         format!(", from frame {seq} on, in {count} of {all}")
     });
     let is_touched = seen.is_some();
     let mut findings = vec![untouched(in_rest.or(seen), sensor.skin)];
-    if let (true, Some(drift_px)) = (is_saved, standing.drift_px) {
+    if let (true, Some(drift_px)) = (is_saved, marker_noise.drift_px) {
         let is = format!("the middle marker is {drift_px:.3} px from where it was");
         findings.push(judged("rest", is, drift_px <= MOST_NOISE_PX, anew));
     }
-    let (count, followed) = (monitor.markers().len(), standing.followed_count);
+    let (count, followed) = (monitor.markers().len(), marker_noise.followed_count);
     let kept = format!("{count} found, {followed} followed through {} frames", frames.len());
     findings.push(judged("markers", kept, followed * 20 >= count * 19, fits));
     // A touched finger moves: that is not noise.
-    if let Some((median_px, is)) = standing.noise().filter(|_| !is_touched) {
+    if let Some((median_px, is)) = marker_noise.noise().filter(|_| !is_touched) {
         let advice = "more light and less gain, a sharper focus, less compression";
         findings.push(judged("noise", is, median_px <= MOST_NOISE_PX, advice));
     }

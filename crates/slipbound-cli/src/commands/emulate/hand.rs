@@ -105,14 +105,14 @@ impl Hand {
                 let late_ns = (now_ns() - from_ns).saturating_sub(frame.time_ns.unwrap_or(0));
                 late_most_ns = late_most_ns.max(late_ns);
             }
-            terminal.status(&told(&shown.truth));
+            terminal.status(&truth_line(&shown.truth));
             last = Some(shown.truth);
         }
         is_running.store(false, Ordering::Relaxed);
         drop(frames);
         terminal.clear_bar();
         running.join().map_err(|_| anyhow!("the simulated world broke down"))??;
-        let at_end = last.as_ref().map_or("no frame was drawn".into(), told);
+        let at_end = last.as_ref().map_or("no frame was drawn".into(), truth_line);
         terminal
             .say(&format!("at the end: {at_end}; a frame was shown at most {} ms late", late_most_ns / 1_000_000))?;
         Ok(Outcome::Done)
@@ -149,7 +149,7 @@ impl Hand {
 }
 
 /// The truth of the world, in a line.
-fn told(truth: &HandTruth) -> String {
+fn truth_line(truth: &HandTruth) -> String {
     let mut parts = vec![format!("slid {:.2} mm", truth.slid_mm)];
     if let Some(cap) = &truth.cap {
         parts.push(format!("torque on the cap {:.0} N mm", cap.torque_n_mm));

@@ -4,7 +4,7 @@ use slipbound_lab::eval::coverage;
 use slipbound_lab::eval::outcome::{Outcome, SCORE_BELOW, never_slides};
 use slipbound_lab::eval::{Sweep, Table, TrialRecord, auc, roc};
 use slipbound_lab::rivals::DETECTORS;
-use slipbound_rig::sheet::{Chart, Draw, Figure, Part, Series, Sheet};
+use slipbound_rig::html_page::{Chart, Draw, Figure, HtmlPage, Part, Series};
 
 /// Bins of a histogram.
 const BINS_COUNT: usize = 40;
@@ -13,7 +13,7 @@ const BINS_COUNT: usize = 40;
 const MOST_LEAD_MS: f64 = 1500.0;
 
 /// The page of a sweep.
-pub fn of(sweep: &Sweep, records: &[TrialRecord], tables: &[Table], pictures: Vec<Figure>) -> Sheet {
+pub fn of(sweep: &Sweep, records: &[TrialRecord], tables: &[Table], pictures: Vec<Figure>) -> HtmlPage {
     let settings: String = sweep.settings.iter().map(|(key, value)| format!(", {key} {value}")).collect();
     let mut parts = Vec::new();
     let detectors_count = detectors(records).count().max(1);
@@ -43,7 +43,7 @@ pub fn of(sweep: &Sweep, records: &[TrialRecord], tables: &[Table], pictures: Ve
         false => parts.push(Part::Figures(pictures)),
     }
     let lines = records.len() / detectors_count;
-    Sheet {
+    HtmlPage {
         above: "Slipbound evaluation".into(),
         title: sweep.protocol.clone(),
         below: format!(

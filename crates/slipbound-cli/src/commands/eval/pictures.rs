@@ -6,8 +6,8 @@ use slipbound::port::FrameBuffer;
 use slipbound_lab::eval::outcome::{Outcome, never_slides};
 use slipbound_lab::eval::{Protocol, TrialRecord};
 use slipbound_lab::rivals::named;
+use slipbound_rig::html_page::{Figure, FigureError};
 use slipbound_rig::overlay::Overlay;
-use slipbound_rig::sheet::{Figure, FigureError};
 
 /// The detector whose failures are shown.
 const SHOWN: &str = "ours";

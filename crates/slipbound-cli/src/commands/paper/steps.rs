@@ -11,8 +11,8 @@ use slipbound_lab::eval::outcome::fractions;
 use slipbound_lab::eval::watch::{Onlooker, Restarts, Watch, watch};
 use slipbound_lab::rivals::{Entry, named};
 use slipbound_lab::scenes::Trial;
+use slipbound_rig::html_page::{Figure, Part};
 use slipbound_rig::overlay::Overlay;
-use slipbound_rig::sheet::{Figure, Part};
 
 /// The detector whose steps are shown: the paper exactly as written.
 const SHOWN: &str = "paper_as_written";
@@ -41,7 +41,7 @@ fn at_frame(
     let failed = |error| Failure::work(text, error);
     let watched = watch(&what, &[entry], None).map_err(failed)?;
     let place = fractions(&watched).iter().position(|f| *f >= SHOWN_FRACTION);
-    let frame = place.map_or(0, |n| watched.facts[n].frame);
+    let frame = place.map_or(0, |n| watched.truth[n].frame);
     let mut shown = Ok(());
     let mut onlooker = |buffer: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor| {
         if buffer.seq == frame && shown.is_ok() {

@@ -6,8 +6,8 @@ use slipbound::monitor::Settings;
 use slipbound::task::{ControllerKind, TaskSettings};
 use slipbound_lab::hand::HandScene;
 use slipbound_lab::lockstep::LockStep;
+use slipbound_rig::html_page::{Chart, Draw, Part, Series};
 use slipbound_rig::run::ending_name;
-use slipbound_rig::sheet::{Chart, Draw, Part, Series};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Largest force of the paper's gripper per finger, and its initial force, N.

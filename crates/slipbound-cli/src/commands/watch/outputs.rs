@@ -6,6 +6,7 @@ use slipbound::events::SlipEvent;
 use slipbound::monitor::{Reason, SlipMonitor, SlipReport};
 use slipbound::port::{Clock, FrameBuffer};
 use slipbound_rig::container::{McapAnnotations, Recorder, ReportLines};
+use slipbound_rig::line_file::LineFile;
 use slipbound_rig::overlay::{self, Overlay, OverlayWriter};
 use slipbound_rig::report_csv::ReportCsv;
 use slipbound_rig::report_json::{Header, ReportJson, RestOrigin};
@@ -13,7 +14,6 @@ use slipbound_rig::report_slips::ReportSlips;
 use slipbound_rig::report_summary::ReportSummary;
 use slipbound_rig::run::RecordingPage;
 use slipbound_rig::timings::{Stopwatch, Timings};
-use slipbound_rig::whole_lines::WholeLines;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -35,10 +35,10 @@ pub struct Outputs {
     /// Measures the steps while a frame is judged.
     pub stopwatch: Stopwatch,
     json: Option<Json>,
-    csv: Option<(PathBuf, ReportCsv<WholeLines>)>,
+    csv: Option<(PathBuf, ReportCsv<LineFile>)>,
     recorded: Option<(ReportJson<ReportLines>, McapAnnotations)>,
     finger: String,
-    slips: Option<(PathBuf, ReportSlips<WholeLines>)>,
+    slips: Option<(PathBuf, ReportSlips<LineFile>)>,
     page: Option<(PathBuf, RecordingPage)>,
     overlay: Option<(Overlay, OverlayWriter)>,
     timings: Option<Timings>,
@@ -85,7 +85,7 @@ impl Outputs {
                 let failed = |e| cannot_write(path, e);
                 let to: Box<dyn Write> = match args.json_on_stdout() {
                     true => Box::new(io::stdout()),
-                    false => Box::new(WholeLines::create(path).map_err(failed)?),
+                    false => Box::new(LineFile::create(path).map_err(failed)?),
                 };
                 let lines = ReportJson::new(to, &header).map_err(failed)?;
                 Some(Json { path: path.clone(), lines, markers: args.markers })
@@ -94,14 +94,14 @@ impl Outputs {
         let csv = match &args.csv {
             None => None,
             Some(path) => {
-                let table = WholeLines::create(path).and_then(|file| ReportCsv::new(file, &args.finger));
+                let table = LineFile::create(path).and_then(|file| ReportCsv::new(file, &args.finger));
                 Some((path.clone(), table.map_err(|e| cannot_write(path, e))?))
             }
         };
         let slips = match &args.slips {
             None => None,
             Some(path) => {
-                let file = WholeLines::create(path).map_err(|e| cannot_write(path, e))?;
+                let file = LineFile::create(path).map_err(|e| cannot_write(path, e))?;
                 Some((path.clone(), ReportSlips::new(file, &args.finger)))
             }
         };
@@ -137,7 +137,7 @@ impl Outputs {
         if let Some((lines, annotations)) = &mut self.recorded {
             lines.frame(report, None).map_err(|e| Failure::work("record", e))?;
             if report.reason != Some(Reason::Torn) {
-                annotations.hand_in(&self.finger, frame, report, monitor);
+                annotations.record(&self.finger, frame, report, monitor);
             }
         }
         if let Some((path, slips)) = &mut self.slips {

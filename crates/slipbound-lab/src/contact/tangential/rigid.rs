@@ -42,8 +42,8 @@ impl Spread {
     /// Solves (1 + length S W) y = load.
     pub fn settle(&self, resistance: Resistance, length: f64, load: Motion) -> Motion {
         let one = |x, y, turn| resistance.retreat(Motion { shift: Complex64::new(x, y), turn });
-        let columns = [one(1.0, 0.0, 0.0), one(0.0, 1.0, 0.0), one(0.0, 0.0, 1.0)].map(|give| {
-            let (x, y, turn) = (give.shift.re, give.shift.im, give.turn);
+        let columns = [one(1.0, 0.0, 0.0), one(0.0, 1.0, 0.0), one(0.0, 0.0, 1.0)].map(|motion| {
+            let (x, y, turn) = (motion.shift.re, motion.shift.im, motion.turn);
             [
                 self.xx * x + self.xy * y + self.x_turn * turn,
                 self.xy * x + self.yy * y + self.y_turn * turn,

@@ -9,7 +9,7 @@ const PATCH: Region = Region { column: 12, row: 10, width_cells: 40, height_cell
 
 /// Result of a pull.
 struct Pulled {
-    held: Held,
+    solution: TangentialSolution,
     /// Largest distance of a cell from equilibrium, as a fraction of the largest bound.
     worst_fraction: f64,
     /// Force and torque of full slip, in the units of the load: sums of the bounds, alone and times their levers.
@@ -46,7 +46,7 @@ fn pull_on(solver: &mut Tangential, patch: Region, mass_kg: f64, stop: Stop) -> 
     let (free, resistance) =
         body.step((Pose::default(), Pose::default()), wrench, Motion::ZERO, 1.0 / 120.0, area, ZERO);
     let push = vec![ZERO; count];
-    let question = Question {
+    let problem = TangentialProblem {
         cells: &cells,
         push: &push,
         bound: &bound,
@@ -58,30 +58,30 @@ fn pull_on(solver: &mut Tangential, patch: Region, mass_kg: f64, stop: Stop) -> 
         stop,
     };
     let mut traction = vec![ZERO; count];
-    let held =
-        solver.solve(&mut OneSurface { response: &mut response, window: PATCH, stride }, &question, &mut traction);
+    let solution =
+        solver.solve(&mut OneSurface { response: &mut response, window: PATCH, stride }, &problem, &mut traction);
     // Recomputed from the tractions alone: A q + B W B^T q - w.
     let mut shift = vec![ZERO; count];
     response.shift_of_traction(PATCH, stride, &traction, &mut shift);
-    let back = resistance.expect("a body that gives way").retreat(held.load);
+    let back = resistance.expect("a body that gives way").retreat(solution.load);
     let (mut worst, mut sliding) = (0.0f64, 0);
     for &i in &cells {
         let i = i as usize;
-        let gradient = shift[i] + back.at(lever[i]) - question.target[i];
-        let moved = within(push[i], bound[i], traction[i] - gradient * question.stiffness_mpa_per_mm);
+        let gradient = shift[i] + back.at(lever[i]) - problem.target[i];
+        let moved = within(push[i], bound[i], traction[i] - gradient * problem.stiffness_mpa_per_mm);
         worst = worst.max(length(moved - traction[i]));
         sliding += usize::from(length(traction[i]) > 0.999 * bound[i]);
     }
     assert!((100..cells.len() - 100).contains(&sliding), "{sliding} of {} cells slide", cells.len());
-    Pulled { held, worst_fraction: worst / bound.iter().copied().fold(0.0, f64::max), full_slip }
+    Pulled { solution, worst_fraction: worst / bound.iter().copied().fold(0.0, f64::max), full_slip }
 }
 
 #[test]
 fn a_light_body_takes_no_more_iterations_than_a_heavy_one() {
     let stop = Stop { most_iterations_count: 1000, ..FingerSettings::fast().tangential_stop };
     for mass_kg in [1.0, 0.1, 1e-3] {
-        let Pulled { held, .. } = pull(mass_kg, stop);
-        assert!(held.converged && held.iterations <= 25, "{mass_kg} kg: {held:?}");
+        let Pulled { solution, .. } = pull(mass_kg, stop);
+        assert!(solution.converged && solution.iterations <= 25, "{mass_kg} kg: {solution:?}");
     }
 }
 
@@ -90,8 +90,8 @@ fn a_body_comes_to_the_equilibrium_of_its_equations() {
     let stop = Stop { tolerance_fraction: 1e-9, most_iterations_count: 200 };
     // With a body of a gram, rounding prevents the last step from following the body.
     for mass_kg in [1.0, 0.1] {
-        let Pulled { held, worst_fraction, .. } = pull(mass_kg, stop);
-        assert!(held.converged && worst_fraction < 1e-8, "{mass_kg} kg: {worst_fraction:e}, {held:?}");
+        let Pulled { solution, worst_fraction, .. } = pull(mass_kg, stop);
+        assert!(solution.converged && worst_fraction < 1e-8, "{mass_kg} kg: {worst_fraction:e}, {solution:?}");
     }
 }
 
@@ -101,10 +101,10 @@ fn a_body_comes_to_the_equilibrium_of_its_equations() {
 fn small_errors_of_the_cells_do_not_add_up_to_a_load() {
     let stop = FingerSettings::fast().tangential_stop;
     for mass_kg in [1.0, 0.1, 1e-3] {
-        let Pulled { held, full_slip: (force, torque), .. } = pull(mass_kg, stop);
-        let exact = pull(mass_kg, Stop { tolerance_fraction: 1e-9, most_iterations_count: 1000 }).held;
-        assert!(held.converged && exact.converged);
-        let missed = added(held.load, exact.load, -1.0);
+        let Pulled { solution, full_slip: (force, torque), .. } = pull(mass_kg, stop);
+        let exact = pull(mass_kg, Stop { tolerance_fraction: 1e-9, most_iterations_count: 1000 }).solution;
+        assert!(solution.converged && exact.converged);
+        let missed = added(solution.load, exact.load, -1.0);
         let (force, torque) = (length(missed.shift) / force, missed.turn.abs() / torque);
         assert!(
             force.max(torque) < 0.1 * stop.tolerance_fraction,
@@ -122,7 +122,7 @@ fn a_contact_that_has_shrunk_is_solved_as_if_it_had_never_been_larger() {
     let mut solver = Tangential::new(Grid::fast().cells_count());
     pull_on(&mut solver, PATCH, 0.1, Stop { most_iterations_count: 3, ..stop });
     let [used, new] = [&mut solver, &mut Tangential::new(Grid::fast().cells_count())]
-        .map(|solver| pull_on(solver, smaller, 0.1, stop).held);
+        .map(|solver| pull_on(solver, smaller, 0.1, stop).solution);
     assert!(used.converged);
     assert_eq!(used, new);
 }

@@ -4,7 +4,7 @@ use super::gripper::Gripper;
 use crate::emulator::fault::Fault;
 use crate::emulator::firmware::Firmware;
 use crate::emulator::jaws::EmulatedJaws;
-use crate::gripper::robotiq::rtu::{self, Ask, Parser, Registers};
+use crate::gripper::robotiq::rtu::{self, Parser, Registers, Request};
 use slipbound::plant::Plant;
 use std::ops::Range;
 
@@ -45,22 +45,22 @@ fn place(registers: Registers, first: u16) -> Result<Range<usize>, u8> {
 }
 
 impl Serial {
-    fn execute(&mut self, ask: Ask, outgoing: &mut Vec<u8>) {
-        let refused = match ask {
-            Ask::Read { function, registers } => {
+    fn execute(&mut self, request: Request, outgoing: &mut Vec<u8>) {
+        let refused = match request {
+            Request::Read { function, registers } => {
                 self.read(function, registers, outgoing).map_err(|why| (function, why))
             }
-            Ask::Write { function, registers, bytes } => match self.write(registers, bytes) {
+            Request::Write { function, registers, bytes } => match self.write(registers, bytes) {
                 Ok(()) => return rtu::answer_write(outgoing, function, registers, bytes),
                 Err(why) => Err((function, why)),
             },
-            Ask::WriteRead { written, bytes, read } => {
+            Request::WriteRead { written, bytes, read } => {
                 // What cannot be read is refused before anything is written.
                 let result = self.registers(read).and_then(|_| self.write(written, bytes));
                 result.and_then(|()| self.read(READ_WRITE, read, outgoing)).map_err(|why| (READ_WRITE, why))
             }
-            Ask::Malformed(function) => Err((function, NO_SUCH_VALUE)),
-            Ask::Unknown(function) => Err((function, NO_SUCH_FUNCTION)),
+            Request::Malformed(function) => Err((function, NO_SUCH_VALUE)),
+            Request::Unknown(function) => Err((function, NO_SUCH_FUNCTION)),
         };
         if let Err((function, why)) = refused {
             rtu::answer_refused(outgoing, function, why);
@@ -91,7 +91,7 @@ impl Serial {
     fn end(&mut self, now_ns: u64, outgoing: &mut Vec<u8>) {
         if self.parser.is_within() && now_ns >= self.received_ns + SILENCE_NS {
             let mut parser = std::mem::take(&mut self.parser);
-            parser.end_ask(|ask| self.execute(ask, outgoing));
+            parser.end_request(|request| self.execute(request, outgoing));
             self.parser = parser;
         }
     }
@@ -111,7 +111,7 @@ impl Firmware for Serial {
         self.end(now_ns, outgoing);
         self.received_ns = now_ns;
         let mut parser = std::mem::take(&mut self.parser);
-        parser.feed_asks(bytes, |ask| self.execute(ask, outgoing));
+        parser.feed_requests(bytes, |request| self.execute(request, outgoing));
         self.parser = parser;
     }
 

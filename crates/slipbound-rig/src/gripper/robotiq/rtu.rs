@@ -1,4 +1,4 @@
-//! Modbus RTU: the two functions of a 2F-85 that the driver needs, and in [`Ask`] all that it has.
+//! Modbus RTU: the two functions of a 2F-85 that the driver needs, and in [`Request`] all that it has.
 //!
 //! ```text
 //!   write:  09 10 03E8 0003 06 | 6 bytes | crc     answer  09 10 03E8 0003 crc
@@ -6,11 +6,11 @@
 //!                                                  refusal 09 (90 or 84) code crc
 //! ```
 
-mod ask;
 mod frame;
+mod request;
 
-pub use ask::{Ask, Registers};
 pub use frame::SLAVE;
+pub use request::{Registers, Request};
 
 use frame::{Look, READ, REFUSED, WRITE, WRITE_ONE, message, sound};
 
@@ -33,12 +33,12 @@ const INPUT: [u8; 2] = [0x07, 0xD0];
 const LONGEST: usize = 256;
 
 /// Appends the request to write the six output bytes.
-pub fn ask_write(into: &mut Vec<u8>, outputs: [u8; 6]) {
+pub fn request_write(into: &mut Vec<u8>, outputs: [u8; 6]) {
     message(into, &[&[SLAVE, WRITE], &OUTPUT, &[6], &outputs]);
 }
 
 /// Appends the request to read the six input bytes.
-pub fn ask_read(into: &mut Vec<u8>) {
+pub fn request_read(into: &mut Vec<u8>) {
     message(into, &[&[SLAVE, READ], &INPUT, &[0, 3]]);
 }
 
@@ -82,14 +82,14 @@ impl Parser {
     }
 
     /// Takes a master's bytes and calls `found` with every request that is now complete.
-    pub fn feed_asks(&mut self, bytes: &[u8], found: impl FnMut(Ask)) {
-        self.feed(bytes, ask::ask, found);
+    pub fn feed_requests(&mut self, bytes: &[u8], found: impl FnMut(Request)) {
+        self.feed(bytes, request::request, found);
     }
 
     /// The line has been silent, which ends a master's message: nothing else ends one with an unknown function. Bytes
     /// that form no message are dropped.
-    pub fn end_ask(&mut self, found: impl FnMut(Ask)) {
-        let ended = (0..self.held.len()).find_map(|start| ask::ended(&self.held[start..]));
+    pub fn end_request(&mut self, found: impl FnMut(Request)) {
+        let ended = (0..self.held.len()).find_map(|start| request::ended(&self.held[start..]));
         self.held.clear();
         ended.into_iter().for_each(found);
     }
@@ -153,9 +153,9 @@ mod tests {
         found
     }
 
-    fn asks(bytes: &[u8]) -> Vec<Ask> {
+    fn requests(bytes: &[u8]) -> Vec<Request> {
         let mut found = Vec::new();
-        Parser::default().feed_asks(bytes, |ask| found.push(ask));
+        Parser::default().feed_requests(bytes, |request| found.push(request));
         found
     }
 
@@ -163,20 +163,20 @@ mod tests {
     #[test]
     fn the_manuals_frames_are_written_and_read() {
         let mut out = Vec::new();
-        ask_write(&mut out, [0x09, 0, 0, 0, 0xFF, 0xFF]);
+        request_write(&mut out, [0x09, 0, 0, 0, 0xFF, 0xFF]);
         assert_eq!(out, bytes("09 10 03 E8 00 03 06 09 00 00 00 FF FF 72 19"));
         let (registers, bytes_written) = (Registers { first: 1000, count: 3 }, [0x09, 0, 0, 0, 0xFF, 0xFF]);
-        assert_eq!(asks(&out), [Ask::Write { function: 16, registers, bytes: bytes_written }]);
+        assert_eq!(requests(&out), [Request::Write { function: 16, registers, bytes: bytes_written }]);
         out.clear();
         answer_write(&mut out, 16, registers, bytes_written);
         assert_eq!(out, bytes("09 10 03 E8 00 03 01 30"));
         assert_eq!(answers(&out), [Answer::Written]);
         out.clear();
-        ask_read(&mut out);
+        request_read(&mut out);
         assert_eq!(out, bytes("09 04 07 D0 00 03 B1 CE"));
         let inputs = |count| Registers { first: 2000, count };
-        assert_eq!(asks(&out), [Ask::Read { function: 4, registers: inputs(3) }]);
-        assert_eq!(asks(&bytes("09 03 07 D0 00 01 85 CF")), [Ask::Read { function: 3, registers: inputs(1) }]);
+        assert_eq!(requests(&out), [Request::Read { function: 4, registers: inputs(3) }]);
+        assert_eq!(requests(&bytes("09 03 07 D0 00 01 85 CF")), [Request::Read { function: 3, registers: inputs(1) }]);
         out.clear();
         answer_read(&mut out, 4, &[0xF9, 0, 0, 0, 0x0D, 0]);
         assert_eq!(out, bytes("09 04 06 F9 00 00 00 0D 00 17 AA"));

@@ -55,8 +55,8 @@ impl Serial {
     fn send(&mut self, driver: &mut DriverState, sent: InFlight<Message>) {
         self.parser.clear();
         match sent.message {
-            Message::Read => rtu::ask_read(&mut driver.outgoing),
-            Message::Write { outputs, .. } => rtu::ask_write(&mut driver.outgoing, outputs),
+            Message::Read => rtu::request_read(&mut driver.outgoing),
+            Message::Write { outputs, .. } => rtu::request_write(&mut driver.outgoing, outputs),
         }
         self.in_flight = Some(sent);
     }

@@ -17,7 +17,7 @@ pub(super) struct Stretch<T> {
 }
 
 /// What a stretch shows: class of the style sheet, and name.
-pub(super) type Shown = (&'static str, &'static str);
+pub(super) type ClassAndName = (&'static str, &'static str);
 
 /// The stretches of equal values over time.
 pub(super) fn stretches<T: PartialEq + Copy>(times: impl Iterator<Item = (u64, T)>) -> Vec<Stretch<T>> {
@@ -35,7 +35,7 @@ pub(super) fn stretches<T: PartialEq + Copy>(times: impl Iterator<Item = (u64, T
 }
 
 /// The phases of the task.
-pub(super) fn phases(cycles: &[Cycle]) -> Vec<Stretch<Shown>> {
+pub(super) fn phases(cycles: &[Cycle]) -> Vec<Stretch<ClassAndName>> {
     stretches(cycles.iter().map(|c| (c.time_ns, (class(c.phase), phase_name(c.phase)))))
 }
 
@@ -50,7 +50,12 @@ fn class(phase: Phase) -> &'static str {
 }
 
 /// The stretches as a thin band of rectangles at this height.
-pub(super) fn band(f: &mut fmt::Formatter<'_>, time: &TimeAxis, all: &[Stretch<Shown>], y_px: f64) -> fmt::Result {
+pub(super) fn band(
+    f: &mut fmt::Formatter<'_>,
+    time: &TimeAxis,
+    all: &[Stretch<ClassAndName>],
+    y_px: f64,
+) -> fmt::Result {
     for Stretch { what: (class, name), from_ns, to_ns } in all {
         let (x_px, width_px) = (time.x_px(*from_ns), time.x_px(*to_ns) - time.x_px(*from_ns));
         let height_px = PHASE_BAND_PX - 1.0;

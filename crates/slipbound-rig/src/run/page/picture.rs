@@ -1,7 +1,7 @@
 //! An image twice: in full size, as a PNG file, and small, as a JPEG for the page.
 
+use crate::html_page::picture;
 use crate::run::error::Error;
-use crate::sheet::picture;
 use slipbound::image::Rgb;
 use std::fs::File;
 use std::io::BufWriter;

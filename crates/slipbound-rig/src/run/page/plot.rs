@@ -2,9 +2,9 @@
 //! the same coordinates.
 
 use super::panels::{Line, Panel, Stroke};
-use super::phases::{self, PHASE_BAND_PX, Shown, Stretch};
+use super::phases::{self, ClassAndName, PHASE_BAND_PX, Stretch};
 use super::time_axis::{TimeAxis, Width};
-use crate::sheet::markup::Escaped;
+use crate::html_page::markup::Escaped;
 use kuva::plot::{BandPlot, LinePlot};
 use kuva::render::annotations::ReferenceLine;
 use kuva::render::layout::Layout;
@@ -40,7 +40,7 @@ pub(super) struct Timeline {
     /// The time of every value, ns.
     pub times_ns: Vec<u64>,
     /// What is shown in the thin band above each plot.
-    pub band: Vec<Stretch<Shown>>,
+    pub band: Vec<Stretch<ClassAndName>>,
     /// Slips, marked through all plots.
     pub marks: Vec<Mark>,
 }

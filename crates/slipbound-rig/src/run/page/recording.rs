@@ -15,10 +15,10 @@ use super::strips::{self, Row};
 use super::text::seconds;
 use super::time_axis::{TimeAxis, TimeUnit};
 use super::{PICTURES_MOST, head_of_page};
+use crate::html_page::markup::{Escaped, base64};
+use crate::html_page::picture;
 use crate::overlay::Overlay;
 use crate::report_summary::{ReportSummary, state_name};
-use crate::sheet::markup::{Escaped, base64};
-use crate::sheet::picture;
 use slipbound::events::SlipEvent;
 use slipbound::monitor::{Estimate, SlipMonitor, SlipReport, SlipState};
 use slipbound::plane::Vec2;
@@ -53,7 +53,7 @@ struct Slip {
 }
 
 /// Page and totals, as text.
-struct Shown<'a>(&'a RecordingPage, &'a ReportSummary);
+struct PageText<'a>(&'a RecordingPage, &'a ReportSummary);
 
 impl RecordingPage {
     /// Before the first frame. `below`: text under the title, beside the finger.
@@ -97,7 +97,7 @@ impl RecordingPage {
 
     /// The page, with the totals of the same frames.
     pub fn html(&self, summary: &ReportSummary) -> String {
-        Shown(self, summary).to_string()
+        PageText(self, summary).to_string()
     }
 
     /// Whether frames carry times; where one does not, all are shown by number.
@@ -216,9 +216,9 @@ impl RecordingPage {
     }
 }
 
-impl fmt::Display for Shown<'_> {
+impl fmt::Display for PageText<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Shown(page, summary) = self;
+        let PageText(page, summary) = self;
         let title = Escaped(&page.source);
         head_of_page(f, &page.source)?;
         writeln!(f, "<header>\n<p class=\"above\">Slipbound recording</p>\n<h1 class=\"source\">{title}</h1>")?;
@@ -232,7 +232,7 @@ impl fmt::Display for Shown<'_> {
         match page.timeline() {
             None => writeln!(f, "<p>No frame was judged.</p>")?,
             Some(timeline) => {
-                let some = |stretch: &super::phases::Stretch<super::phases::Shown>| super::phases::Stretch {
+                let some = |stretch: &super::phases::Stretch<super::phases::ClassAndName>| super::phases::Stretch {
                     what: Some(stretch.what),
                     from_ns: stretch.from_ns,
                     to_ns: stretch.to_ns,

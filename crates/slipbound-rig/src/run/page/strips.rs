@@ -1,10 +1,10 @@
 //! Coloured bands over the time axis: what the task or the contact did, which fingers were live, what was noted.
 
-use super::phases::{Shown, Stretch, phases, stretches};
+use super::phases::{ClassAndName, Stretch, phases, stretches};
 use super::text::health_name;
 use super::time_axis::{TimeAxis, Width};
+use crate::html_page::markup::Escaped;
 use crate::run::event::{Event, TimedEvent};
-use crate::sheet::markup::Escaped;
 use slipbound::control::Cycle;
 use slipbound::hand::Health;
 use std::fmt;
@@ -16,7 +16,7 @@ const NAMED_PX: f64 = 56.0;
 /// A row of the strips.
 pub(super) enum Row {
     /// Stretches, and gaps.
-    Bands(Vec<Stretch<Option<Shown>>>),
+    Bands(Vec<Stretch<Option<ClassAndName>>>),
     /// Times and their notes.
     Notes(Vec<(u64, String)>),
 }
@@ -26,7 +26,7 @@ pub(super) enum Row {
 pub(super) fn of_run(fingers: &[String], cycles: &[Cycle], events: &[TimedEvent]) -> Vec<(String, Row)> {
     let whole = phases(cycles).into_iter().map(|s| Stretch { what: Some(s.what), from_ns: s.from_ns, to_ns: s.to_ns });
     let mut rows = vec![("phase".into(), Row::Bands(whole.collect()))];
-    let bands = |what: &dyn Fn(&Cycle) -> Option<Shown>| {
+    let bands = |what: &dyn Fn(&Cycle) -> Option<ClassAndName>| {
         Row::Bands(stretches(cycles.iter().map(|cycle| (cycle.time_ns, what(cycle)))))
     };
     let gross = |c: &Cycle| c.truth.is_some_and(|truth| truth.gross);
@@ -56,7 +56,7 @@ pub(super) fn of_run(fingers: &[String], cycles: &[Cycle], events: &[TimedEvent]
 /// Writes the rows below a title and the names of what the first of them shows.
 pub(super) fn write(f: &mut fmt::Formatter<'_>, time: &TimeAxis, title: &str, rows: &[(String, Row)]) -> fmt::Result {
     writeln!(f, "<figure class=\"plot strips\">\n<figcaption><b>{title}</b>")?;
-    let mut named: Vec<Shown> = Vec::new();
+    let mut named: Vec<ClassAndName> = Vec::new();
     if let Some((_, Row::Bands(stretches))) = rows.first() {
         for &(class, name) in stretches.iter().filter_map(|stretch| stretch.what.as_ref()) {
             if !named.contains(&(class, name)) {
@@ -89,7 +89,7 @@ pub(super) fn write(f: &mut fmt::Formatter<'_>, time: &TimeAxis, title: &str, ro
 }
 
 /// Rectangles of these classes with their names, where there is room.
-fn bands(f: &mut fmt::Formatter<'_>, time: &TimeAxis, stretches: &[Stretch<Option<Shown>>]) -> fmt::Result {
+fn bands(f: &mut fmt::Formatter<'_>, time: &TimeAxis, stretches: &[Stretch<Option<ClassAndName>>]) -> fmt::Result {
     for Stretch { what, from_ns, to_ns } in stretches {
         let Some((class, name)) = what else { continue };
         let (x_px, width_px) = (time.x_px(*from_ns), (time.x_px(*to_ns) - time.x_px(*from_ns)).max(1.0));

@@ -74,7 +74,7 @@ impl DisplacedContact {
     }
 
     /// Call it while the image shows a contact: after it, displacement counts from the last positions.
-    pub fn yield_to_picture(&mut self, markers: &[Marker]) {
+    pub fn reset_baseline(&mut self, markers: &[Marker]) {
         self.slack_px.iter_mut().zip(markers).for_each(|(slack, m)| *slack = m.now_from_rest());
         (self.touches, self.longest_px) = (false, 0.0);
     }
@@ -188,7 +188,7 @@ mod tests {
     #[test]
     fn a_gel_that_creeps_back_after_a_contact_is_touched_by_nothing_until_it_is_dragged_again() {
         let (mut finder, mut region) = finder();
-        finder.yield_to_picture(&moved(|_| Vec2::new(6.0, 0.0)));
+        finder.reset_baseline(&moved(|_| Vec2::new(6.0, 0.0)));
         for left_px in [6.0, 4.0, 3.0, 1.0, 0.5] {
             finder.find(&moved(|_| Vec2::new(left_px, 0.0)), &mut region);
             assert_eq!(region.area_px2(), 0, "{left_px} px left");

@@ -43,7 +43,7 @@ pub(crate) struct ShadingContact {
     last_peak: f32,
     /// Cells that changed, their connected pieces, and the number of cells and strongest change of each piece.
     changed: Mask,
-    pieces: Components,
+    cell_components: Components,
     measures: Vec<(usize, f32)>,
     /// Per unchanged piece: the sides of the view that it reaches.
     sides: Vec<u8>,
@@ -79,7 +79,7 @@ impl ShadingContact {
             work: vec![0.0; count],
             last_peak: 0.0,
             changed: Mask::new(SizePx::new(map.columns, map.rows)),
-            pieces: Components::new(SizePx::new(map.columns, map.rows)),
+            cell_components: Components::new(SizePx::new(map.columns, map.rows)),
             measures: Vec::with_capacity(count),
             sides: Vec::with_capacity(count),
             components: Components::new(sensor.rectified_px()),
@@ -118,12 +118,12 @@ impl ShadingContact {
         let strength = mean_above(&self.score, change_levels);
         self.rim.copy_from_slice(&self.score);
         // Joins the lines left by the rim of an object into one region.
-        self.disc.greatest(&mut self.score);
+        self.disc.dilate(&mut self.score);
         // Deviation: D20 the rim ends the region
         if self.rim_fraction > 0.0 {
             over_near(&mut self.rim, &self.score, change_levels, self.rim_fraction);
         }
-        self.disc.least(&mut self.score);
+        self.disc.erode(&mut self.score);
         let changed_count = self.drop_small(change_levels, 2.0 * change_fraction * peak);
         let (columns, cell_px) = (self.map.columns, self.map.cell_px);
         if self.rim_fraction > 0.0 {
@@ -181,18 +181,18 @@ impl ShadingContact {
     fn fill_cut(&mut self, level: f32) {
         let (columns, rows) = (self.map.columns, self.map.rows);
         at_least(&self.rim, level, &mut self.changed);
-        let runs = self.pieces.clear_runs_by_sides(&self.changed);
+        let runs = self.cell_components.clear_runs_by_sides(&self.changed);
         self.sides.clear();
         for run in runs.clone() {
             let (left, right) = (run.columns.start == 0, run.columns.end == columns);
             let (top, bottom) = (run.row == 0, run.row + 1 == rows);
             self.sides.push(0);
             for (touches, side) in [(left, LEFT), (right, RIGHT), (top, TOP), (bottom, BOTTOM)] {
-                self.sides[run.piece] |= if touches { side } else { 0 };
+                self.sides[run.component] |= if touches { side } else { 0 };
             }
         }
         for run in runs {
-            let sides = self.sides[run.piece];
+            let sides = self.sides[run.component];
             if sides.count_ones() <= 1 || sides == LEFT | RIGHT || sides == TOP | BOTTOM {
                 self.rim[run.row * columns..][run.columns].fill(level);
             }
@@ -203,21 +203,22 @@ impl ShadingContact {
     fn drop_small(&mut self, level: f32, peak: f32) -> usize {
         at_least(&self.score, level, &mut self.changed);
         let columns = self.map.columns;
-        let (runs, measures, score) = (self.pieces.runs_by_sides(&self.changed), &mut self.measures, &mut self.score);
+        let (runs, measures, score) =
+            (self.cell_components.runs_by_sides(&self.changed), &mut self.measures, &mut self.score);
         measures.clear();
         for (i, run) in runs.clone().enumerate() {
             let cells = &score[run.row * columns..][run.columns.clone()];
             let highest = cells.iter().copied().fold(0.0, f32::max);
             measures.push((cells.len(), highest));
             // The first run of a piece comes before its others.
-            if run.piece != i {
-                let first = &mut measures[run.piece];
+            if run.component != i {
+                let first = &mut measures[run.component];
                 *first = (first.0 + cells.len(), first.1.max(highest));
             }
         }
         let mut kept = 0;
         for run in runs {
-            let (count, highest) = measures[run.piece];
+            let (count, highest) = measures[run.component];
             if count < self.least_cells || highest < peak {
                 score[run.row * columns..][run.columns].fill(0.0);
             } else {

@@ -64,7 +64,7 @@ pub(super) struct FieldFacts {
     /// The share of it that is out of view.
     pub hidden_fraction: f64,
     /// Width of the surrounding gel that a sticking patch drags along, px: 0.64 of the gel's thickness.
-    pub skirt_px: f64,
+    pub drag_width_px: f64,
     /// Load: sum over all markers of displacement times area, px3.
     pub force_px3: Vec2,
     /// Its moment about the middle of the contact, px4.
@@ -132,7 +132,8 @@ pub(super) fn features(
     let load_px3 = libm::hypot(facts.force_px3.length(), facts.moment_px4 / arm_px);
     // About the middle of the contact, where the motion is expressed.
     let work = facts.force_px3.dot(motion.translation) + facts.moment_px4 * motion.rotation_rad;
-    let patch_px2 = facts.area_px2 + facts.skirt_px * 2.0 * (std::f64::consts::PI * facts.area_px2.max(1.0)).sqrt();
+    let patch_px2 =
+        facts.area_px2 + facts.drag_width_px * 2.0 * (std::f64::consts::PI * facts.area_px2.max(1.0)).sqrt();
     let moves = rigid_px > 0.02 * p;
     let secant_px2 = moves.then(|| work / (rigid_px * rigid_px));
     let stiffest_px2 = facts.stiffest_px2.max(secant_px2.unwrap_or(0.0));

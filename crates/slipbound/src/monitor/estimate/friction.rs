@@ -1,10 +1,10 @@
 //! Friction of a contact, accumulated over its frames: the friction is constant, the information per frame is not.
 //!
 //! ```text
-//!   a frame:  log mu = log (load / (grip x sunk)) - log used, from trees of its own (said.rs)
+//!   a frame:  log mu = log (load / (grip x indentation_gain)) - log used, from trees of its own (prediction.rs)
 //!   known:    mean of the prior and the frames' log mu, each weighted by its information beyond the prior
 //!   after a regrip the field restarts from zero; after a lighter grip or a fallen load it contains residual slip:
-//!                                          used <- the frame's and load / (grip x mu x sunk), weighted by error
+//!                               used <- the frame's and load / (grip x mu x indentation_gain), weighted by error
 //! ```
 //!
 //! At the onset of gross slip all of the friction is used: that load is the best measure of it.
@@ -12,28 +12,29 @@
 //! A frame whose load is below the noise gives no information. At a small load a frame hardly distinguishes a rough
 //! contact from a slippery one: the trees then return the prior, which has no weight.
 //!
-//! `sunk`: a curved object that has sunk into the gel bears against its far side, and slides at more than mu P.
+//! `indentation_gain`: a curved object that has sunk into the gel bears against its far side, and slides at more than
+//! mu P.
 
-use crate::monitor::passed::FRAME_S;
+use crate::monitor::frame_period::FRAME_S;
 use crate::monitor::report::Estimate;
 use crate::plane::Vec2;
 
 /// Prior of the friction: mean and inverse variance of its logarithm, log-uniform from 0.2 to 1.3. The trees were
 /// fitted to it.
-const ANY_LOG_MU: f64 = -0.673;
-const ANY: f64 = 1.0 / (0.54 * 0.54);
+const PRIOR_LOG_MU: f64 = -0.673;
+const PRIOR_INFORMATION: f64 = 1.0 / (0.54 * 0.54);
 /// The estimate of a frame is biased towards the prior. This factor limits the correction where a frame has little
 /// information.
 const MOST_STRETCH: f64 = 2.0;
 /// Errors of consecutive frames are correlated: the frames within this time, s, count as one. A frame counts as
 /// independent if the logarithm of its load differs by this much from that of the last independent frame, and that of
 /// the frame before it did so in the same direction.
-const ALIKE_S: f64 = 0.4;
-const OWN_LOG_LOAD: f64 = 0.1;
+const CORRELATION_S: f64 = 0.4;
+const INDEPENDENT_LOG_LOAD: f64 = 0.1;
 /// Least information for the friction to be reported, and most from all frames together (0.2 of the friction): inverse
 /// variance of its logarithm.
-const LEAST_TOLD: f64 = 2.0;
-const MOST_TOLD: f64 = 25.0;
+const MIN_INFORMATION: f64 = 2.0;
+const MAX_INFORMATION: f64 = 25.0;
 /// Weight of a frame after a regrip, and time in which it grows to that, s: the field then shows less slip than the
 /// load has caused, and none right after the regrip.
 const REGRIPPED_SHARE: f64 = 0.1;
@@ -55,8 +56,8 @@ const SLIDES_LOG_SD: f64 = 0.15;
 /// load, as when a bottle is set down, can look like a slide in two.
 const SLIDES_FRAMES: u32 = 3;
 const SLIDES_S: f64 = 0.05;
-/// Standard deviation of the change of log mu for a change of 1 in the logarithm of the grip force: what `sunk` does
-/// not correct.
+/// Standard deviation of the change of log mu for a change of 1 in the logarithm of the grip force: what
+/// `indentation_gain` does not correct.
 const DRIFT_LOG_SD: f64 = 0.2;
 /// Upper bound of the friction: a grip released while the gel is still sheared could give any value.
 const MOST_FRICTION: f64 = 3.0;
@@ -64,17 +65,17 @@ const MOST_FRICTION: f64 = 3.0;
 const LOAD_SURE: f64 = 0.95;
 /// Growth of the load at gross slip with the shear of the gel at a traction as large as the pressure, in half widths of
 /// the contact: 0.5 to 1.1 for simulated spheres, cylinders and the cap between 6 and 50 N, whatever their friction.
-const SUNK_GROWTH: f64 = 0.8;
+const INDENTATION_GAIN_SLOPE: f64 = 0.8;
 /// Standard deviation of load over grip force without load: a residual of squeeze and rolling.
 const LOAD_NOISE_PER_GRIP: f64 = 0.01;
 /// Larger values were not simulated.
-const MOST_SUNK: f64 = 1.5;
+const MAX_INDENTATION_GAIN: f64 = 1.5;
 
 /// Ratio of the load at gross slip to mu P for an object that has sunk into the gel. `shear_px`: displacement of the
 /// gel at a traction as large as the mean pressure; `half_width_px`: of the contact along the load; `pulled_fraction`:
 /// share of the force in the load; the rest is torque.
-pub(super) fn sunk(shear_px: f64, half_width_px: f64, pulled_fraction: f64) -> f64 {
-    (1.0 + SUNK_GROWTH * pulled_fraction * shear_px / half_width_px.max(1e-6)).min(MOST_SUNK)
+pub(super) fn indentation_gain(shear_px: f64, half_width_px: f64, pulled_fraction: f64) -> f64 {
+    (1.0 + INDENTATION_GAIN_SLOPE * pulled_fraction * shear_px / half_width_px.max(1e-6)).min(MAX_INDENTATION_GAIN)
 }
 
 /// Half the width of a contact along a direction, from the positions of its markers: twice their standard deviation, as
@@ -89,11 +90,11 @@ pub(super) fn half_width_px(places: impl ExactSizeIterator<Item = Vec2>, middle:
 /// and itself.
 fn lean(log_load: f64, log_sd: f64, used: Estimate) -> (f64, Estimate) {
     let log_used = libm::log(used.value.max(1e-3));
-    let of_frame = 1.0 / (ANY * log_sd * log_sd);
+    let of_frame = 1.0 / (PRIOR_INFORMATION * log_sd * log_sd);
     if of_frame >= 1.0 {
         return (log_used, used);
     }
-    let log_used = of_frame * log_used + (1.0 - of_frame) * (log_load - ANY_LOG_MU);
+    let log_used = of_frame * log_used + (1.0 - of_frame) * (log_load - PRIOR_LOG_MU);
     (log_used, Estimate { value: libm::exp(log_used), ..used })
 }
 
@@ -106,8 +107,8 @@ pub(super) struct Shown {
     pub per_grip: f64,
     /// Grip force, N.
     pub grip_n: f64,
-    /// See [`sunk`].
-    pub sunk: f64,
+    /// See [`indentation_gain`].
+    pub indentation_gain: f64,
     /// Whether the imprint slides over the gel: a load that falls meanwhile does not count as fallen.
     pub imprint_slides: bool,
     /// Standard deviation of the logarithm of the used fraction.
@@ -129,16 +130,16 @@ struct SlideStart {
 pub(super) struct Friction {
     log_mu: f64,
     /// Its inverse variance from frames alone; 0 while no frame has given information.
-    told: f64,
+    information: f64,
     /// Logarithm of the grip force at which it was estimated.
     log_grip: f64,
     /// Logarithm of load over grip force of the last independent frame, and the difference of the last frame from it.
-    own_log_load: Option<f64>,
+    independent_log_load: Option<f64>,
     last_change: f64,
     /// Logarithms of the largest grip force and of the largest load, N, since the field was restarted.
     most_log_grip: Option<f64>,
     most_log_load_n: Option<f64>,
-    /// Logarithms of load over grip force (divided by `sunk`) and of grip force in the last frame.
+    /// Logarithms of load over grip force (divided by `indentation_gain`) and of grip force in the last frame.
     last_log_load_grip: Option<(f64, f64)>,
     /// Time of the last regrip under load, s, from which slip is counted again, and time of the last frame.
     regripped_s: Option<f64>,
@@ -152,7 +153,7 @@ pub(super) struct Friction {
 impl Friction {
     /// The grip has grown under load: the field restarts from here.
     pub fn regripped(&mut self) {
-        self.regripped_s = Some(self.now_s).filter(|_| self.told > 0.0);
+        self.regripped_s = Some(self.now_s).filter(|_| self.information > 0.0);
         self.most_log_grip = None;
         self.slip_counts_anew();
     }
@@ -181,41 +182,42 @@ impl Friction {
     }
 
     /// Inverse variance of log mu from frames, as far as it holds at a grip force.
-    fn told_at(&self, log_grip: f64) -> f64 {
+    fn information_at(&self, log_grip: f64) -> f64 {
         let drift = DRIFT_LOG_SD * (log_grip - self.log_grip);
-        self.told / (1.0 + self.told * drift * drift)
+        self.information / (1.0 + self.information * drift * drift)
     }
 
     /// Whether a frame is independent; a single one that differs may be a wrong reading.
-    fn is_own(&mut self, log_load: f64) -> bool {
-        let change = log_load - *self.own_log_load.get_or_insert(log_load);
+    fn is_independent(&mut self, log_load: f64) -> bool {
+        let change = log_load - *self.independent_log_load.get_or_insert(log_load);
         let before = std::mem::replace(&mut self.last_change, change);
-        let own = change.abs() >= OWN_LOG_LOAD && before.abs() >= OWN_LOG_LOAD && change * before > 0.0;
-        if own {
-            self.own_log_load = Some(log_load);
+        let independent =
+            change.abs() >= INDEPENDENT_LOG_LOAD && before.abs() >= INDEPENDENT_LOG_LOAD && change * before > 0.0;
+        if independent {
+            self.independent_log_load = Some(log_load);
         }
-        own
+        independent
     }
 
     /// Adds the log mu of a frame; `log_sd` is its standard deviation with the prior included.
     fn take(&mut self, log_mu: f64, log_sd: f64, share: f64, log_grip: f64) {
         let of_frame = 1.0 / (log_sd * log_sd);
-        let beyond = of_frame - ANY;
+        let beyond = of_frame - PRIOR_INFORMATION;
         if beyond <= 0.0 || share <= 0.0 {
             return;
         }
-        let own_log_mu = ANY_LOG_MU + (log_mu - ANY_LOG_MU) * (of_frame / beyond).min(MOST_STRETCH);
-        let told = share * beyond;
-        let newest = told / (self.told_at(log_grip) + told);
+        let own_log_mu = PRIOR_LOG_MU + (log_mu - PRIOR_LOG_MU) * (of_frame / beyond).min(MOST_STRETCH);
+        let information = share * beyond;
+        let newest = information / (self.information_at(log_grip) + information);
         self.log_mu += newest * (own_log_mu - self.log_mu);
         self.log_grip += newest * (log_grip - self.log_grip);
-        self.told = (self.told + told).min(MOST_TOLD);
+        self.information = (self.information + information).min(MAX_INFORMATION);
     }
 
     /// Adds a frame. Returns the friction, once there is enough information, and `used` combined with what was known
     /// before.
     pub fn see(&mut self, shown: &Shown, used: Estimate) -> (Option<Estimate>, Estimate) {
-        let load = (shown.per_grip / shown.sunk).max(1e-6);
+        let load = (shown.per_grip / shown.indentation_gain).max(1e-6);
         let (log_load, log_grip) = (libm::log(load), libm::log(shown.grip_n.max(0.1)));
         self.last_log_load_grip = Some((log_load, log_grip));
         let most_log_grip = self.most_log_grip.map_or(log_grip, |most| most.max(log_grip));
@@ -231,23 +233,23 @@ impl Friction {
         let passed_s = self.seen_s.map(|seen_s| shown.at_s - seen_s).filter(|s| *s > 0.0).unwrap_or(FRAME_S);
         (self.now_s, self.seen_s) = (shown.at_s, Some(shown.at_s));
         let seen = self.regripped_s.map(|regripped_s| ((self.now_s - regripped_s) / REGRIPPED_S).clamp(0.0, 1.0));
-        let seen = seen.or(Some(1.0).filter(|_| (let_go > 0.0 || eased > 0.0) && self.told > 0.0));
+        let seen = seen.or(Some(1.0).filter(|_| (let_go > 0.0 || eased > 0.0) && self.information > 0.0));
         // A frame without new motion gives no new information.
         if used.age_frames == 0 {
-            let own = if self.is_own(log_load) { 1.0 } else { (passed_s / ALIKE_S).min(1.0) };
+            let own = if self.is_independent(log_load) { 1.0 } else { (passed_s / CORRELATION_S).min(1.0) };
             let share = own * seen.map_or(1.0, |seen| REGRIPPED_SHARE * seen);
             let log_sd = libm::hypot(log_used_sd, LOAD_NOISE_PER_GRIP / shown.per_grip.max(1e-6));
             self.take(log_load - log_used, log_sd, share, log_grip);
         }
-        let told = self.told_at(log_grip);
-        let log_mu = (told * self.log_mu + ANY * ANY_LOG_MU) / (told + ANY);
+        let information = self.information_at(log_grip);
+        let log_mu = (information * self.log_mu + PRIOR_INFORMATION * PRIOR_LOG_MU) / (information + PRIOR_INFORMATION);
         // For this frame alone: a single grip reading that is too low must not raise the friction for good.
         let value = libm::exp(log_mu).max(LOAD_SURE * load).min(MOST_FRICTION);
-        let known = Estimate { value, sd: value * (told + ANY).recip().sqrt(), age_frames: 0 };
-        let friction = Some(known).filter(|_| told >= LEAST_TOLD);
+        let known = Estimate { value, sd: value * (information + PRIOR_INFORMATION).recip().sqrt(), age_frames: 0 };
+        let friction = Some(known).filter(|_| information >= MIN_INFORMATION);
         let Some(seen) = seen else { return (friction, used) };
         let of_frame = seen / (log_used_sd * log_used_sd);
-        let of_memory = told + (1.0 - seen) * ANY;
+        let of_memory = information + (1.0 - seen) * PRIOR_INFORMATION;
         let all = of_frame + of_memory;
         let log_used = (of_frame * log_used + of_memory * (log_load - libm::log(value))) / all;
         let value = libm::exp(log_used).min(1.2);

@@ -6,7 +6,7 @@
 //!   else it stands:                                                used = used then x load now / load then,  stick as then
 //! ```
 
-use super::said::Said;
+use super::prediction::Prediction;
 
 /// Relative change of motion or load that counts as a new motion.
 const MOVED_FRACTION: f64 = 0.05;
@@ -24,7 +24,7 @@ pub(super) struct LastMotion {
 
 #[derive(Debug, Clone, Copy)]
 struct Then {
-    said: Said,
+    prediction: Prediction,
     load: f64,
     rigid_px: f64,
     age_frames: u32,
@@ -33,7 +33,7 @@ struct Then {
 /// The estimates at a frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Carried {
-    pub said: Said,
+    pub prediction: Prediction,
     /// Frames since the last motion.
     pub age_frames: u32,
 }
@@ -55,25 +55,25 @@ impl LastMotion {
 
     /// The estimates at this frame. `load`: over the grip force where that is known, in any unit; `floor_px`: noise
     /// floor of the motion.
-    pub fn see(&mut self, said: Said, load: f64, rigid_px: f64, floor_px: f64) -> Carried {
-        let Some(then) = &mut self.then else { return self.moves(said, load, rigid_px) };
+    pub fn see(&mut self, prediction: Prediction, load: f64, rigid_px: f64, floor_px: f64) -> Carried {
+        let Some(then) = &mut self.then else { return self.moves(prediction, load, rigid_px) };
         // The last estimate scaled with the load; after zero load there is no ratio.
         let grown = if then.load > 0.0 { load / then.load } else { 1.0 };
-        let carried = Said { used: then.said.used * grown, ..then.said };
+        let carried = Prediction { used: then.prediction.used * grown, ..then.prediction };
         let (moved_px, grown) = ((rigid_px - then.rigid_px).abs(), (load - then.load).abs());
         let changed = |share: f64| moved_px >= share * rigid_px + floor_px || grown >= share * load.max(then.load);
         if !changed(MOVED_FRACTION) {
             then.age_frames = then.age_frames.saturating_add(1);
-            return Carried { said: carried, age_frames: then.age_frames };
+            return Carried { prediction: carried, age_frames: then.age_frames };
         }
         let weight = if changed(ALONE_FRACTION) { 1.0 } else { NEWEST_WEIGHT };
-        let said = Said { used: weight * said.used + (1.0 - weight) * carried.used, ..said };
-        self.moves(said, load, rigid_px)
+        let prediction = Prediction { used: weight * prediction.used + (1.0 - weight) * carried.used, ..prediction };
+        self.moves(prediction, load, rigid_px)
     }
 
-    fn moves(&mut self, said: Said, load: f64, rigid_px: f64) -> Carried {
-        self.then = Some(Then { said, load, rigid_px, age_frames: 0 });
-        Carried { said, age_frames: 0 }
+    fn moves(&mut self, prediction: Prediction, load: f64, rigid_px: f64) -> Carried {
+        self.then = Some(Then { prediction, load, rigid_px, age_frames: 0 });
+        Carried { prediction, age_frames: 0 }
     }
 }
 
@@ -81,8 +81,8 @@ impl LastMotion {
 mod tests {
     use super::*;
 
-    fn said(used: f64, stick: f64) -> Said {
-        Said { used, used_sd: 0.1, log_used_sd: None, stick, stick_sd: 0.1 }
+    fn prediction(used: f64, stick: f64) -> Prediction {
+        Prediction { used, used_sd: 0.1, log_used_sd: None, stick, stick_sd: 0.1 }
     }
 
     #[test]
@@ -90,24 +90,27 @@ mod tests {
         let mut last = LastMotion::default();
         for step in 1..=10 {
             let x = f64::from(step);
-            last.see(said(0.09 * x, 1.0 - 0.09 * x), x, x, 0.1);
+            last.see(prediction(0.09 * x, 1.0 - 0.09 * x), x, x, 0.1);
         }
         // The object slides on: no marker moves, and the trees estimate a held load.
         for frame in 1..=50 {
-            let Carried { said: now, age_frames } = last.see(said(0.5, 0.6), 10.0, 10.0, 0.1);
+            let Carried { prediction: now, age_frames } = last.see(prediction(0.5, 0.6), 10.0, 10.0, 0.1);
             assert!(now.used > 0.83 && now.stick < 0.2, "{now:?}");
             assert_eq!(age_frames, frame, "known from the last motion");
         }
-        let lighter = last.see(said(0.5, 0.6), 9.6, 9.9, 0.1).said;
+        let lighter = last.see(prediction(0.5, 0.6), 9.6, 9.9, 0.1).prediction;
         assert!((lighter.used - 0.96 * 0.87).abs() < 0.05, "a little less load: {lighter:?}");
         // A new motion.
-        let Carried { said: moved, age_frames } = last.see(said(0.3, 0.8), 5.0, 6.0, 0.1);
+        let Carried { prediction: moved, age_frames } = last.see(prediction(0.3, 0.8), 5.0, 6.0, 0.1);
         assert_eq!(age_frames, 0);
         assert!(moved.used < 0.4 && moved.stick > 0.4, "{moved:?}");
-        let stiff = last.see(said(0.9, 0.1), 9.0, 6.0, 0.1).said;
+        let stiff = last.see(prediction(0.9, 0.1), 9.0, 6.0, 0.1).prediction;
         assert!(stiff.used > 0.6, "a load that moves nothing counts: {stiff:?}");
         last.regripped();
-        assert!((last.see(said(0.2, 0.9), 5.0, 6.0, 0.1).said.used - 0.2).abs() < 1e-12, "nothing is left of before");
+        assert!(
+            (last.see(prediction(0.2, 0.9), 5.0, 6.0, 0.1).prediction.used - 0.2).abs() < 1e-12,
+            "nothing is left of before"
+        );
     }
 
     /// After zero load there is no ratio to scale with: the estimates of the trees are used.
@@ -115,8 +118,8 @@ mod tests {
     fn nothing_follows_from_no_load() {
         for load in [0.0, 1.0] {
             let mut last = LastMotion::default();
-            last.see(said(0.2, 0.9), 0.0, 0.0, 0.1);
-            assert_eq!(last.see(said(0.3, 0.8), load, 0.0, 0.1).said.used, 0.3, "{load}");
+            last.see(prediction(0.2, 0.9), 0.0, 0.0, 0.1);
+            assert_eq!(last.see(prediction(0.3, 0.8), load, 0.0, 0.1).prediction.used, 0.3, "{load}");
         }
     }
 
@@ -124,12 +127,12 @@ mod tests {
     fn a_slow_load_is_followed_like_a_fast_one() {
         let ends = [10, 1000].map(|steps| {
             let mut last = LastMotion::default();
-            let mut now = said(0.0, 1.0);
+            let mut now = prediction(0.0, 1.0);
             for step in 1..=steps {
                 let x = f64::from(step) / f64::from(steps);
                 // Friction is estimated twice too large until half of it is used.
                 let used = if x < 0.5 { 0.5 * x } else { x };
-                now = last.see(said(used, 1.0 - x), x, 10.0 * x, 0.1).said;
+                now = last.see(prediction(used, 1.0 - x), x, 10.0 * x, 0.1).prediction;
             }
             now.used
         });

@@ -18,12 +18,12 @@ const JOINS_S: f64 = 0.1;
 /// ```text
 ///                            border of the view
 ///   inside              |  o  |  :
-///   at the border, free    |  o  :  . . .             and the skirt, over which displacement falls off
+///   at the border, free    |  o  :  . . .             and the dragged gel, over which displacement falls off
 ///   there, in contact      |  o  :  = = = = = =|      and all of the gel beyond
 /// ```
 #[derive(Debug, Clone, Copy, Default)]
 struct Patch {
-    /// Area without contact, px2: beyond the border, displacement falls off over the skirt.
+    /// Area without contact, px2: beyond the border, displacement falls off over the gel that is dragged along.
     free_px2: f64,
     /// Additional area, and area out of view, px2, in contact: the contact extends to the end of the gel. 0 where that
     /// is unknown.
@@ -79,15 +79,15 @@ pub(super) struct Load {
 
 impl Load {
     /// `inside`: smallest and largest position at which a marker has neighbours all around. Markers beyond also
-    /// represent the gel out of view: over `skirt_px`, or to the end of the gel.
-    pub fn new(sensor: &Sensor, markers: &[Marker], skirt_px: f64, inside: (Vec2, Vec2)) -> Self {
+    /// represent the gel out of view: over `drag_width_px`, or to the end of the gel.
+    pub fn new(sensor: &Sensor, markers: &[Marker], drag_width_px: f64, inside: (Vec2, Vec2)) -> Self {
         let (pitch_px, size) = (sensor.pitch_px, sensor.rectified_px());
         let view_half = Vec2::new(size.width as f64, size.height as f64) / 2.0;
         let middle = view_half - Vec2::new(0.5, 0.5);
         let (low, high) = inside;
         let patch = |m: &Marker| {
             let at_border = [m.rest.x < low.x || m.rest.x > high.x, m.rest.y < low.y || m.rest.y > high.y];
-            let free_px2 = pitch_px * (pitch_px + if at_border.contains(&true) { skirt_px } else { 0.0 });
+            let free_px2 = pitch_px * (pitch_px + if at_border.contains(&true) { drag_width_px } else { 0.0 });
             let free = Patch { free_px2, at_border: at_border.contains(&true), ..Patch::default() };
             let Some(gel_half) = sensor.gel_half_px() else { return free };
             // Along each direction: the length that the marker represents in contact, and the part of it in view.

@@ -420,7 +420,7 @@ fn a_patch_at_the_border_is_called_cut() {
         pitch_px: 30.0,
         area_px2: 900.0,
         hidden_fraction: 0.0,
-        skirt_px: 38.0,
+        drag_width_px: 38.0,
         force_px3: Vec2::ZERO,
         moment_px4: 0.0,
         stiffness_over_grip_per_px3: None,

@@ -6,7 +6,7 @@
 //! ```
 
 use super::gel::{GelGrid, GelMotion};
-use super::picture::{Picture, Places};
+use super::image_cells::{ImageCells, Places};
 use super::planes::Planes;
 use crate::image::Mask;
 use crate::monitor::imprint::Imprint;
@@ -42,7 +42,7 @@ const WEAVE_FRAMES_COUNT: u32 = 30;
 /// The pattern of the last frame; owns its scratch.
 #[derive(Debug, Clone)]
 pub(super) struct Pattern {
-    picture: Picture,
+    image_cells: ImageCells,
     /// 1 where no marker covers a cell of the gel, else 0.
     free: Vec<u8>,
     /// Rest positions of the cells, px, by column and by row; motion of the gel there; and positions of a row of them
@@ -64,16 +64,17 @@ pub(super) struct Pattern {
 impl Pattern {
     /// `rest_px`: the markers at rest. `gel`: the motion of the gel between them.
     pub(super) fn new(sensor: &Sensor, rest_px: &[Vec2], view: Option<&Mask>, gel: &GelMotion) -> Self {
-        let picture = Picture::new(sensor);
-        let count = picture.shades.len();
+        let image_cells = ImageCells::new(sensor);
+        let count = image_cells.shades.len();
         let mask_px = MASK_DIAMETERS * sensor.marker_diameter_px;
-        let uncovered = |cell| rest_px.iter().all(|&marker| (marker - picture.centre_px(cell)).length() > mask_px);
+        let uncovered = |cell| rest_px.iter().all(|&marker| (marker - image_cells.centre_px(cell)).length() > mask_px);
         let free = (0..count).map(|cell| u8::from(uncovered(cell))).collect();
-        let columns_px: Vec<f64> = (0..picture.columns).map(|x| picture.centre_px(x).x).collect();
-        let rows_px: Vec<f64> = (0..picture.rows).map(|y| picture.centre_px(y * picture.columns).y).collect();
+        let columns_px: Vec<f64> = (0..image_cells.columns).map(|x| image_cells.centre_px(x).x).collect();
+        let rows_px: Vec<f64> =
+            (0..image_cells.rows).map(|y| image_cells.centre_px(y * image_cells.columns).y).collect();
         let planes = Planes::new(if sensor.skin == Skin::Fabric { 1 } else { 2 }, count);
         let blur_pitch = if sensor.skin == Skin::Fabric { BLUR_PITCH_FABRIC } else { BLUR_PITCH };
-        let spread_cells = (blur_pitch * sensor.pitch_px / picture.cell_px as f64).max(1.0);
+        let spread_cells = (blur_pitch * sensor.pitch_px / image_cells.cell_px as f64).max(1.0);
         let reach = (2.5 * spread_cells).ceil() as usize;
         let kernel: Vec<f32> =
             (0..=reach).map(|d| libm::exp(-0.5 * (d as f64 / spread_cells).powi(2)) as f32).collect();
@@ -82,24 +83,24 @@ impl Pattern {
             gel: GelGrid::new(gel, &columns_px, &rows_px),
             columns_px: columns_px.iter().map(|&px| px as f32).collect(),
             rows_px: rows_px.iter().map(|&px| px as f32).collect(),
-            places: Places::new(picture.columns),
+            places: Places::new(image_cells.columns),
             view: view.cloned(),
-            blur: Blur::new(kernel, picture.columns, count),
+            blur: Blur::new(kernel, image_cells.columns, count),
             weave: (sensor.skin == Skin::Fabric).then(|| Weave { contrast: vec![0.0; count], frames_count: 0 }),
             blurred: planes.clone(),
             now: planes,
-            picture,
+            image_cells,
         }
     }
 
     /// Cells in a row.
     pub(super) fn columns(&self) -> usize {
-        self.picture.columns
+        self.image_cells.columns
     }
 
     /// Side of a cell in px.
     pub(super) fn cell_px(&self) -> usize {
-        self.picture.cell_px
+        self.image_cells.cell_px
     }
 
     /// Adds the weave of a frame without contact to the one at rest. Does nothing on a smooth gel.
@@ -108,17 +109,17 @@ impl Pattern {
         if weave.frames_count >= WEAVE_FRAMES_COUNT {
             return;
         }
-        self.picture.take(imprint);
+        self.image_cells.take(imprint);
         weave.frames_count += 1;
         let share = 1.0 / weave.frames_count as f32;
-        for (rest, shade) in weave.contrast.iter_mut().zip(&self.picture.shades) {
+        for (rest, shade) in weave.contrast.iter_mut().zip(&self.image_cells.shades) {
             *rest += share * (shade[0] - *rest);
         }
     }
 
     /// Computes the pattern of the last frame.
     pub(super) fn take(&mut self, imprint: &Imprint, gel: &GelMotion) {
-        self.picture.take(imprint);
+        self.image_cells.take(imprint);
         self.gel.take(gel);
         self.look_up();
         if let Some(weave) = &self.weave {
@@ -144,16 +145,16 @@ impl Pattern {
 
     /// Reads the shades of the gel cells at their current positions in the image.
     fn look_up(&mut self) {
-        let n = self.picture.columns;
+        let n = self.image_cells.columns;
         for (y, free) in self.free.chunks_exact(n).enumerate() {
             let places = &mut self.places;
             self.gel.places_of_row(y, &self.columns_px, self.rows_px[y], &mut places.x_px, &mut places.y_px);
-            self.picture.locate(places);
+            self.image_cells.locate(places);
             for (x, free) in free.iter().enumerate() {
                 let cell = y * n + x;
                 let seen =
                     free & places.inside[x] != 0 && in_view(self.view.as_ref(), [places.x_px[x], places.y_px[x]]);
-                let shade = if seen { self.picture.at(places, x) } else { [0.0; 2] };
+                let shade = if seen { self.image_cells.at(places, x) } else { [0.0; 2] };
                 self.now.shades.iter_mut().zip(shade).for_each(|(plane, shade)| plane[cell] = shade);
                 self.now.seen[cell] = if seen { 1.0 } else { 0.0 };
             }

@@ -1,7 +1,7 @@
 //! Recent motion of imprint and gel: input of the verdict on gross slip.
 
 use super::sliding::{Motion3, dot, length, minus};
-use crate::monitor::passed::passed_s;
+use crate::monitor::frame_period::frame_period_s;
 
 /// Most frames stored: 0.4 s at 240 frames/s.
 const MOST_COUNT: usize = 96;
@@ -69,7 +69,7 @@ impl RecentMotion {
 
     /// Adds a frame: motion of the imprint over the gel and shear of the gel, both since the reference, px.
     pub(super) fn take(&mut self, over_gel: Motion3, of_gel: Motion3, time_ns: Option<u64>) -> Recent {
-        let passed_s = passed_s(std::mem::replace(&mut self.last_ns, time_ns), time_ns);
+        let passed_s = frame_period_s(std::mem::replace(&mut self.last_ns, time_ns), time_ns);
         let at_s = if self.count == 0 { 0.0 } else { self.back(1).at_s + passed_s };
         let now = Step { over_gel, of_gel, at_s };
         self.steps[self.count % MOST_COUNT] = now;

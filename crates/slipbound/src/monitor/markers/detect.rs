@@ -246,7 +246,9 @@ impl Detector {
 
     /// Whether the camera sees all of a marker at `centre`.
     pub(super) fn in_view(&self, imprint: &Imprint, centre: Vec2) -> bool {
-        imprint.view().is_none_or(|view| imprint.is_amid(centre, self.radius_px + 2.0) || self.is_within(view, centre))
+        imprint.view().is_none_or(|view| {
+            imprint.is_in_inner_rectangle(centre, self.radius_px + 2.0) || self.is_within(view, centre)
+        })
     }
 
     fn is_within(&self, mask: &Mask, centre: Vec2) -> bool {

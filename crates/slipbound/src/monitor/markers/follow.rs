@@ -8,7 +8,7 @@
 //! Lost markers wait for the next search, three frames later at most, and move with their neighbours until then.
 
 use super::detect::core_levels;
-use super::look::{Looks, Seen};
+use super::templates::{MarkerTemplates, TemplateMatch};
 use super::{Markers, is_away};
 use crate::monitor::imprint::Imprint;
 use crate::plane::Vec2;
@@ -47,15 +47,15 @@ impl Markers {
         let rest = track.rest;
         let contrast = f64::from(track.response_levels / rest.response_levels);
         let away = touched && is_away(&self.matching, &self.all, i);
-        let is_plain = |looks: &Looks| away && looks.is_plain(i, Some(start), Some(start));
-        if let Some(looks) = self.looks.as_mut().filter(|looks| !is_plain(looks)) {
+        let is_plain = |templates: &MarkerTemplates| away && templates.is_plain(i, Some(start), Some(start));
+        if let Some(templates) = self.templates.as_mut().filter(|templates| !is_plain(templates)) {
             let stretch = self.matching.stretch(&self.all, &self.before, i);
-            match looks.look(imprint, i, None, Some(start), stretch) {
-                Seen::At(fit) if self.detector.in_view(imprint, fit.place) => {
+            match templates.find(imprint, i, None, Some(start), stretch) {
+                TemplateMatch::Found(fit) if self.detector.in_view(imprint, fit.place) => {
                     return Some(self.settle(imprint, i, &fit, None));
                 }
-                Seen::At(_) | Seen::Doubtful => return None,
-                Seen::Unknown => {}
+                TemplateMatch::Found(_) | TemplateMatch::Rejected => return None,
+                TemplateMatch::NotChecked => {}
             }
         }
         let place = self.detector.follow(imprint, start, contrast, &rest)?;

@@ -4,8 +4,8 @@
 //! contradicts its neighbours is undone; a marker without a spot is searched for where its neighbours moved. A marker
 //! still without a spot is expected there and moves with them.
 
-use super::median::middle_of;
-use super::plane_fit::{Around, NEIGHBOURS, slopes};
+use super::median::median_of;
+use super::plane_fit::{NEIGHBOURS, NeighbourPlane, slopes};
 use super::spot_index::SpotIndex;
 use super::view::View;
 use crate::image::Mask;
@@ -27,14 +27,14 @@ const RECOVERY_PITCH: f64 = 0.4;
 /// Rounds of recovery: each reaches one neighbourhood further into a region without detected markers.
 const ROUNDS: usize = 4;
 
-/// Markers this near to their rest position are taken to be still; a torn field is regrown from them.
+/// Markers this near to their rest position are taken to be still; an inconsistent field is regrown from them.
 const STILL_PITCH: f64 = 0.25;
 /// Rounds of growing: a fingertip contact is about ten pitches wide.
 const GROWING_ROUNDS: usize = 14;
-/// Tear as a share of all markers above which a part of the field may be off by a pitch: 0.06 when a whole contact is,
-/// 0.01 to 0.03 in a contact under strong shear.
-const TORN_FRACTION: f64 = 0.03;
-/// A regrown field is accepted when its tear is below this share of the earlier one.
+/// Inconsistency as a share of all markers above which a part of the field may be off by a pitch: 0.06 when a whole
+/// contact is, 0.01 to 0.03 in a contact under strong shear.
+const INCONSISTENT_FRACTION: f64 = 0.03;
+/// A regrown field is accepted when its inconsistency is below this share of the earlier one.
 const CLEARLY_LESS: f64 = 0.5;
 
 const NO_SPOT: u32 = u32::MAX;
@@ -66,10 +66,10 @@ pub(super) struct Matching {
     round: usize,
     neighbours: Vec<[u32; NEIGHBOURS]>,
     neighbours_count: Vec<usize>,
-    around: Vec<Around>,
+    neighbour_planes: Vec<NeighbourPlane>,
     /// The matches before any was undone, and the position predicted for each by its neighbours at that time.
-    asked_match_of: Vec<u32>,
-    said: Vec<Option<Vec2>>,
+    matches_before_undo: Vec<u32>,
+    neighbour_prediction: Vec<Option<Vec2>>,
 }
 
 impl Matching {
@@ -88,7 +88,8 @@ impl Matching {
             neighbours[i].iter_mut().zip(&order).for_each(|(n, o)| *n = o.1);
         }
         let arms = |(m, n): (&Marker, &[u32; NEIGHBOURS])| n.map(|n| markers[n as usize].rest - m.rest);
-        let around = markers.iter().zip(&neighbours).map(arms).map(|arms| Around::new(arms, pitch_px)).collect();
+        let neighbour_planes =
+            markers.iter().zip(&neighbours).map(arms).map(|arms| NeighbourPlane::new(arms, pitch_px)).collect();
         Matching {
             pitch_px,
             view: View::new(sensor, view),
@@ -107,9 +108,9 @@ impl Matching {
             round: 0,
             neighbours,
             neighbours_count,
-            around,
-            asked_match_of: vec![NO_SPOT; markers.len()],
-            said: vec![None; markers.len()],
+            neighbour_planes,
+            matches_before_undo: vec![NO_SPOT; markers.len()],
+            neighbour_prediction: vec![None; markers.len()],
         }
     }
 
@@ -119,7 +120,7 @@ impl Matching {
         self.spot_taken.clear();
         self.spot_taken.resize(spots.len(), false);
         self.match_of.fill(NO_SPOT);
-        self.asked_match_of.fill(NO_SPOT);
+        self.matches_before_undo.fill(NO_SPOT);
     }
 
     /// Clears all matches and frees all spots.
@@ -164,8 +165,8 @@ impl Matching {
     }
 
     /// Whether a part of the field may be off by a pitch.
-    pub(super) fn torn(&self, markers: &[Marker]) -> bool {
-        self.tear(markers) > TORN_FRACTION * markers.len() as f64
+    pub(super) fn is_inconsistent(&self, markers: &[Marker]) -> bool {
+        self.inconsistency(markers) > INCONSISTENT_FRACTION * markers.len() as f64
     }
 
     /// Whether the matches of this frame can be trusted: hardly any marker in view is missed, and each moved like its
@@ -214,11 +215,12 @@ impl Matching {
     pub(super) fn settle_with_neighbours(&mut self, markers: &[Marker]) {
         self.round = 0;
         let (mut sum, mut count) = (0.0, 0u32);
-        self.asked_match_of.copy_from_slice(&self.match_of);
+        self.matches_before_undo.copy_from_slice(&self.match_of);
         for i in 0..markers.len() {
             let spot = self.spot_of(i).map(|spot| spot.position);
-            self.said[i] = spot.and_then(|_| self.predicted_by_neighbours(markers, i));
-            let off_pitch = spot.zip(self.said[i]).map(|(spot, place)| (spot - place).length() / self.pitch_px);
+            self.neighbour_prediction[i] = spot.and_then(|_| self.predicted_by_neighbours(markers, i));
+            let off_pitch =
+                spot.zip(self.neighbour_prediction[i]).map(|(spot, place)| (spot - place).length() / self.pitch_px);
             self.undone[i] = off_pitch.is_some_and(|off| off > CONTRADICTION_PITCH);
             sum += off_pitch.map_or(0.0, |off| off * off);
             count += u32::from(off_pitch.is_some());
@@ -230,14 +232,14 @@ impl Matching {
                 self.match_of[i] = NO_SPOT;
             }
         }
-        self.ask_neighbours(markers, ROUNDS);
+        self.recover_from_neighbours(markers, ROUNDS);
     }
 
     /// A gel that snaps back moves by a pitch within one frame, and each marker is then matched to the spot of the
-    /// next. The field is torn at the boundary of that region. Regrows it from the markers that hardly moved before
-    /// (`trusted`), and keeps the result if its tear is clearly smaller.
-    pub(super) fn repair_tear(&mut self, markers: &[Marker], trusted: impl Iterator<Item = Vec2>) {
-        let torn = self.tear(markers);
+    /// next. The field is inconsistent at the boundary of that region. Regrows it from the markers that hardly moved
+    /// before (`trusted`), and keeps the result if its inconsistency is clearly smaller.
+    pub(super) fn repair_field(&mut self, markers: &[Marker], trusted: impl Iterator<Item = Vec2>) {
+        let before = self.inconsistency(markers);
         self.saved_match_of.copy_from_slice(&self.match_of);
         self.saved_predicted.copy_from_slice(&self.predicted);
         for ((undone, m), trusted) in self.undone.iter_mut().zip(markers).zip(trusted) {
@@ -251,8 +253,8 @@ impl Matching {
             self.predicted[i] = if self.undone[i] { far } else { m.rest };
         }
         self.assign(RECOVERY_PITCH);
-        self.ask_neighbours(markers, GROWING_ROUNDS);
-        if self.tear(markers) < CLEARLY_LESS * torn {
+        self.recover_from_neighbours(markers, GROWING_ROUNDS);
+        if self.inconsistency(markers) < CLEARLY_LESS * before {
             return;
         }
         self.match_of.copy_from_slice(&self.saved_match_of);
@@ -264,14 +266,14 @@ impl Matching {
         }
     }
 
-    /// How torn the field is: one for each missed marker in view, and up to one for each match, by how far it
+    /// How inconsistent the field is: one for each missed marker in view, and up to one for each match, by how far it
     /// contradicts its neighbours.
-    fn tear(&self, markers: &[Marker]) -> f64 {
+    fn inconsistency(&self, markers: &[Marker]) -> f64 {
         let one = |i: usize| match self.spot_of(i) {
             None => f64::from(!self.predicted[i].is_finite() || self.in_view(self.predicted[i])),
             Some(spot) => {
                 let off_pitch = self
-                    .said_by_neighbours(markers, i)
+                    .cached_neighbour_prediction(markers, i)
                     .map_or(CONTRADICTION_PITCH, |predicted| (spot.position - predicted).length() / self.pitch_px);
                 let share = (off_pitch / CONTRADICTION_PITCH).min(1.0);
                 share * share
@@ -281,11 +283,11 @@ impl Matching {
     }
 
     /// Searches for markers without a spot where their neighbours moved, further inwards in each round.
-    fn ask_neighbours(&mut self, markers: &[Marker], rounds_count: usize) {
+    fn recover_from_neighbours(&mut self, markers: &[Marker], rounds_count: usize) {
         self.inferred_from_round.fill(0);
         self.round = 0;
         for round in 1..=rounds_count {
-            let mut asked = false;
+            let mut any_inferred = false;
             for i in 0..markers.len() {
                 if self.match_of[i] != NO_SPOT {
                     continue;
@@ -295,10 +297,10 @@ impl Matching {
                     // Used by others from the next round on.
                     self.inferred_from_round[i] =
                         if self.inferred_from_round[i] == 0 { round + 1 } else { self.inferred_from_round[i] };
-                    asked = true;
+                    any_inferred = true;
                 }
             }
-            if !asked {
+            if !any_inferred {
                 return;
             }
             self.assign(RECOVERY_PITCH);
@@ -348,7 +350,7 @@ impl Matching {
             count += 1;
         }
         let steps = &steps[..count];
-        (count >= 3).then(|| Vec2::new(middle_of(steps, |step| step.x), middle_of(steps, |step| step.y)))
+        (count >= 3).then(|| Vec2::new(median_of(steps, |step| step.x), median_of(steps, |step| step.y)))
     }
 
     /// Stretch and rotation of the gel around marker `i` with the markers at `places`: displacement per current length
@@ -367,15 +369,15 @@ impl Matching {
 
     /// [`Matching::predicted_by_neighbours`] of a marker with a spot; reuses the value from before matches were undone
     /// where that is still valid.
-    fn said_by_neighbours(&self, markers: &[Marker], i: usize) -> Option<Vec2> {
+    fn cached_neighbour_prediction(&self, markers: &[Marker], i: usize) -> Option<Vec2> {
         let stands = |&n: &u32| {
             let n = n as usize;
             let inferred = self.match_of[n] == NO_SPOT && self.inferred_from_round[n] != 0;
-            self.match_of[n] == self.asked_match_of[n] && !inferred
+            self.match_of[n] == self.matches_before_undo[n] && !inferred
         };
-        let asked = self.asked_match_of[i] != NO_SPOT;
-        if asked && self.neighbours[i][..self.neighbours_count[i]].iter().all(stands) {
-            return self.said[i];
+        let was_matched = self.matches_before_undo[i] != NO_SPOT;
+        if was_matched && self.neighbours[i][..self.neighbours_count[i]].iter().all(stands) {
+            return self.neighbour_prediction[i];
         }
         self.predicted_by_neighbours(markers, i)
     }
@@ -398,8 +400,8 @@ impl Matching {
         }
         let shift = shift / count as f64;
         if count == NEIGHBOURS {
-            let [slope_x, slope_y] = self.around[i].slopes(displaced.map(|d| d - shift));
-            let middle = self.around[i].middle;
+            let [slope_x, slope_y] = self.neighbour_planes[i].slopes(displaced.map(|d| d - shift));
+            let middle = self.neighbour_planes[i].middle;
             return Some(here + shift - slope_x * middle.x - slope_y * middle.y);
         }
         let arms = known[..count].iter().map(|&n| markers[n].rest - here);

@@ -7,7 +7,7 @@ const MOST: usize = 9;
 
 /// The median of at most nine values; the upper one of two middle values.
 #[rustfmt::skip]
-pub(super) fn middle_of(steps: &[Vec2], part: impl Fn(&Vec2) -> f64) -> f64 {
+pub(super) fn median_of(steps: &[Vec2], part: impl Fn(&Vec2) -> f64) -> f64 {
     // Padded with minima and maxima so that the median stays in the middle of nine.
     let below = 4 - steps.len() / 2;
     let mut nine = [i64::MAX; MOST];
@@ -53,7 +53,7 @@ mod tests {
             let steps: Vec<Vec2> = (0..count).map(|_| Vec2::new(value(), value())).collect();
             let mut sorted: Vec<f64> = steps.iter().map(|step| step.y).collect();
             sorted.sort_by(f64::total_cmp);
-            assert_eq!(middle_of(&steps, |step| step.y).to_bits(), sorted[count / 2].to_bits(), "{steps:?}");
+            assert_eq!(median_of(&steps, |step| step.y).to_bits(), sorted[count / 2].to_bits(), "{steps:?}");
         }
     }
 }

@@ -31,18 +31,18 @@ pub struct RestChoice {
     pub kind: RestKind,
 }
 
-/// The run to average, by the rules of [`RestBuilder::choose`](crate::monitor::RestBuilder::choose). `pictures`: the
+/// The run to average, by the rules of [`RestBuilder::choose`](crate::monitor::RestBuilder::choose). `images`: the
 /// cells of the same frames, in the same order; runs without them are taken to show the same.
 pub(super) fn choose(
     looks: &[RestLook],
-    pictures: &[Picture],
+    images: &[CellImage],
     settings: &RestSettings,
     contact: &ContactSettings,
 ) -> Result<RestChoice, RestError> {
     let runs = runs(looks, settings)?;
     let mut choice = match settings.held {
         true => RestChoice { kind: RestKind::InContact, ..long_runs(&runs)[0].clone() },
-        false => best_run(&runs, looks, settings, |a, b| differ(a, b, pictures, contact)),
+        false => best_run(&runs, looks, settings, |a, b| differ(a, b, images, contact)),
     };
     choice.frames.end = choice.frames.end.min(choice.frames.start + settings.average_count as usize);
     Ok(choice)
@@ -107,36 +107,36 @@ fn runs(looks: &[RestLook], settings: &RestSettings) -> Result<Vec<RestChoice>, 
 }
 
 /// Whether only one of two runs shows a contact: as many cells as in a contact differ by as much as in a contact.
-fn differ(a: &RestChoice, b: &RestChoice, pictures: &[Picture], contact: &ContactSettings) -> bool {
+fn differ(a: &RestChoice, b: &RestChoice, images: &[CellImage], contact: &ContactSettings) -> bool {
     // The middle frame represents a stationary run.
-    let middle = |r: &RestChoice| pictures.get((r.frames.start + r.frames.end) / 2);
+    let middle = |r: &RestChoice| images.get((r.frames.start + r.frames.end) / 2);
     let (Some(a), Some(b)) = (middle(a), middle(b)) else { return false };
     a.changed_share(b, contact.change_levels as f32) > contact.on_area_fraction
 }
 
 /// The cells of an examined frame; empty when it could not be judged.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Picture {
+pub(super) struct CellImage {
     pub(super) cells: Vec<[f32; 3]>,
     pub(super) covered: Vec<bool>,
 }
 
-impl Picture {
+impl CellImage {
     /// Change of the most changed channel of every cell.
-    fn changes<'a>(&'a self, other: &'a Picture) -> impl Iterator<Item = f32> + 'a {
+    fn changes<'a>(&'a self, other: &'a CellImage) -> impl Iterator<Item = f32> + 'a {
         let most = |a: &[f32; 3], b: &[f32; 3]| (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);
         self.cells.iter().zip(&other.cells).map(move |(a, b)| most(a, b))
     }
 
     /// 99th percentile of the change.
-    pub(super) fn change_levels(&self, other: &Picture) -> f64 {
+    pub(super) fn change_levels(&self, other: &CellImage) -> f64 {
         let mut changes: Vec<f32> = self.changes(other).collect();
         let at = (changes.len() * 99 / 100).min(changes.len() - 1);
         f64::from(*changes.select_nth_unstable_by(at, f32::total_cmp).1)
     }
 
     /// Share of the cells free of markers in both that changed by more than a level.
-    fn changed_share(&self, other: &Picture, level: f32) -> f64 {
+    fn changed_share(&self, other: &CellImage, level: f32) -> f64 {
         let free = |i: usize| !self.covered[i] && !other.covered[i];
         let (mut changed, mut count) = (0u32, 0u32);
         for (_, change) in self.changes(other).enumerate().filter(|(i, _)| free(*i)) {
@@ -155,8 +155,8 @@ mod tests {
         RestLook { mean_levels: Some(mean_levels), change_levels, sharpness: if touched { 9.0 } else { 3.0 }, touched }
     }
 
-    fn choose(looks: &[RestLook], pictures: &[Picture]) -> Result<RestChoice, RestError> {
-        super::choose(looks, pictures, &RestSettings::default(), &ContactSettings::default())
+    fn choose(looks: &[RestLook], images: &[CellImage]) -> Result<RestChoice, RestError> {
+        super::choose(looks, images, &RestSettings::default(), &ContactSettings::default())
     }
 
     #[test]
@@ -202,20 +202,20 @@ mod tests {
     #[test]
     fn a_light_touch_is_detected_by_what_changes() {
         const CELLS_COUNT: usize = 4800;
-        let picture = |touched: bool| Picture {
+        let image = |touched: bool| CellImage {
             cells: (0..CELLS_COUNT).map(|i| [if touched && i < CELLS_COUNT / 5 { 100.0 } else { 90.0 }; 3]).collect(),
             covered: vec![false; CELLS_COUNT],
         };
         for (first_touched, kind) in [(true, RestKind::InContact), (false, RestKind::Unloaded)] {
             let shows = |i: usize| (i < 5) == first_touched;
-            let pictures: Vec<Picture> = (0..15).map(|i| picture(shows(i))).collect();
+            let images: Vec<CellImage> = (0..15).map(|i| image(shows(i))).collect();
             let looks: Vec<RestLook> = (0..15)
                 .map(|i| {
                     let sharpness = if shows(i) { 5.0 } else { 3.5 };
                     RestLook { sharpness, ..look(90.0, if i == 5 { 12.0 } else { 0.5 }, false) }
                 })
                 .collect();
-            assert_eq!(choose(&looks, &pictures), Ok(RestChoice { frames: 0..5, kind }));
+            assert_eq!(choose(&looks, &images), Ok(RestChoice { frames: 0..5, kind }));
         }
     }
 

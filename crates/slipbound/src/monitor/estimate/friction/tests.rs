@@ -8,7 +8,7 @@ fn used(value: f64) -> Estimate {
 
 /// A frame of this load, and the standard deviation of its log used fraction.
 fn shown(per_grip: f64, grip_n: f64, log_used_sd: f64) -> Shown {
-    Shown { at_s: 0.0, per_grip, grip_n, sunk: 1.0, imprint_slides: false, log_used_sd }
+    Shown { at_s: 0.0, per_grip, grip_n, indentation_gain: 1.0, imprint_slides: false, log_used_sd }
 }
 
 /// Loaded up to a used fraction of 0.8 at 10 N.
@@ -54,9 +54,9 @@ fn it_is_load_over_grip_over_what_is_used_of_it_and_who_knows_it_better_counts_f
     let by_and_by: Vec<_> = (0..12).map(|step| 0.2 * 1.04f64.powi(step)).map(|load| (load, 2.0 * load, 0.3)).collect();
     let by_and_by = after(&by_and_by).expect("told");
     assert!(by_and_by.sd < 0.22 * by_and_by.value, "so does every third of a load that grows slowly: {by_and_by:?}");
-    let mut sunk = Friction::default();
-    let deep = Shown { sunk: 1.25, ..shown(0.5, 10.0, 0.1) };
-    let deep = (0..60).filter_map(|_| sunk.see(&deep, used(0.5)).0).last().expect("frames");
+    let mut deep_friction = Friction::default();
+    let deep = Shown { indentation_gain: 1.25, ..shown(0.5, 10.0, 0.1) };
+    let deep = (0..60).filter_map(|_| deep_friction.see(&deep, used(0.5)).0).last().expect("frames");
     assert!((deep.value - 0.76).abs() < 0.03, "{deep:?}");
 }
 
@@ -78,10 +78,10 @@ fn a_frame_that_knows_less_than_is_known_of_any_contact_is_not_believed() {
     assert!((said(0.3) - 0.8).abs() < 1e-9 && (said(0.53) - 0.8).abs() < 1e-9, "it knows something");
     // By the prior, a load of 0.1 uses 0.196.
     assert!(said(0.8) < 0.4 && said(0.8) > said(1.6) && said(1.6) > 0.196, "{} {}", said(0.8), said(1.6));
-    let memory = loaded(0.8).told;
+    let memory = loaded(0.8).information;
     let mut friction = loaded(0.8);
     friction.see(&shown(0.1, 10.0, 0.8), used(0.8));
-    assert!(friction.told <= memory, "nor does it tell anything");
+    assert!(friction.information <= memory, "nor does it tell anything");
 }
 
 #[test]
@@ -96,7 +96,7 @@ fn what_leans_towards_any_contact_is_not_taken_for_a_slippery_one() {
     assert!(told.is_some_and(|told| told.value > 0.7), "one frame that knows outweighs them: {told:?}");
     // Many frames that are biased half way to the prior still give the friction.
     let mut friction = Friction::default();
-    let leans = |mu: f64| (ANY_LOG_MU + mu.ln()) / 2.0;
+    let leans = |mu: f64| (PRIOR_LOG_MU + mu.ln()) / 2.0;
     let mut rough = 0.0;
     for _ in 0..200 {
         let lean = (0.5f64).ln() - leans(1.0);
@@ -130,8 +130,8 @@ fn what_holds_a_load_has_the_friction_for_it() {
     assert!(held >= 0.85, "{held}");
     let after = told(&mut friction, &shown(0.2, 10.0, 0.2), 0.5);
     assert!((after - 0.4).abs() < 0.07, "a reading that was half of the grip is forgotten: {after}");
-    let sunk = told(&mut loaded(0.4), &Shown { sunk: 1.5, ..shown(0.9, 10.0, 0.2) }, 0.6);
-    assert!((0.56..0.65).contains(&sunk), "the far side bears a third of it: {sunk}");
+    let indented = told(&mut loaded(0.4), &Shown { indentation_gain: 1.5, ..shown(0.9, 10.0, 0.2) }, 0.6);
+    assert!((0.56..0.65).contains(&indented), "the far side bears a third of it: {indented}");
 }
 
 #[test]
@@ -305,6 +305,12 @@ fn what_lies_deep_slides_at_more_and_a_wide_face_does_not() {
     assert!((width(6.0, 2.0, Vec2::new(1.0, 0.0)) - 6.0 * 2.0 / 3f64.sqrt()).abs() < 0.3);
     assert!((width(6.0, 2.0, Vec2::new(0.0, 1.0)) - 2.0 * 2.0 / 3f64.sqrt()).abs() < 0.1);
     // The cap at 6 and at 50 N, and a box (simulated: 1.09, 1.48, 1.05), pulled; the cap turned about the pad's normal.
-    assert!((sunk(1.1, 7.2, 1.0) - 1.12).abs() < 0.01 && (sunk(3.8, 8.8, 1.0) - 1.35).abs() < 0.01);
-    assert!(sunk(1.3, 13.0, 1.0) < 1.09 && sunk(3.8, 8.8, 0.0) == 1.0 && sunk(90.0, 1.0, 1.0) == MOST_SUNK);
+    assert!(
+        (indentation_gain(1.1, 7.2, 1.0) - 1.12).abs() < 0.01 && (indentation_gain(3.8, 8.8, 1.0) - 1.35).abs() < 0.01
+    );
+    assert!(
+        indentation_gain(1.3, 13.0, 1.0) < 1.09
+            && indentation_gain(3.8, 8.8, 0.0) == 1.0
+            && indentation_gain(90.0, 1.0, 1.0) == MAX_INDENTATION_GAIN
+    );
 }

@@ -98,8 +98,8 @@ fn what_the_neighbours_said_before_holds_only_while_they_stand() {
     let mut kept_count = 0;
     for i in (0..markers.len()).filter(|&i| matching.match_of[i] != NO_SPOT) {
         let says = matching.predicted_by_neighbours(&markers, i);
-        assert_eq!(matching.said_by_neighbours(&markers, i), says, "marker {i}");
-        kept_count += u32::from(matching.said[i] == says);
+        assert_eq!(matching.cached_neighbour_prediction(&markers, i), says, "marker {i}");
+        kept_count += u32::from(matching.neighbour_prediction[i] == says);
     }
     assert!((30..60).contains(&kept_count), "{kept_count} of them kept what was said");
 }
@@ -124,8 +124,8 @@ fn eight_known_neighbours_say_to_the_bit_what_a_plane_fitted_anew_says() {
         let place = marker.rest + shifted - x * middle.x - y * middle.y;
         // The finger of this test has its own pitch.
         let own = Matching { pitch_px: PITCH_PX, ..matching.clone() };
-        let around = Around::new(neighbours.map(arm), PITCH_PX);
-        let own = Matching { around: vec![around; markers.len()], ..own };
+        let plane = NeighbourPlane::new(neighbours.map(arm), PITCH_PX);
+        let own = Matching { neighbour_planes: vec![plane; markers.len()], ..own };
         assert_eq!(own.predicted_by_neighbours(&markers, i), Some(place), "marker {i}");
     }
 }
@@ -142,10 +142,10 @@ fn a_field_that_is_torn_is_grown_anew_from_the_markers_that_stood_still() {
     matching.assign(0.5);
     let wrong =
         |matching: &Matching| off_px(matching, &markers, |m| m.rest).iter().filter(|off| **off != Some(0.0)).count();
-    assert!(wrong(&matching) >= 12 && matching.torn(&markers), "{} are wrong", wrong(&matching));
-    matching.repair_tear(&markers, markers.iter().map(before));
+    assert!(wrong(&matching) >= 12 && matching.is_inconsistent(&markers), "{} are wrong", wrong(&matching));
+    matching.repair_field(&markers, markers.iter().map(before));
     assert_eq!(wrong(&matching), 0);
-    assert!(!matching.torn(&markers));
+    assert!(!matching.is_inconsistent(&markers));
 }
 
 /// No marker stood still, so there is nothing to grow from: the matches are kept.
@@ -156,7 +156,7 @@ fn a_field_that_moved_as_a_whole_is_kept() {
     let mut matching = frame(&markers, |m| Some(went(m)));
     matching.predict(markers.iter().map(went));
     matching.assign(0.4);
-    matching.repair_tear(&markers, markers.iter().map(went));
+    matching.repair_field(&markers, markers.iter().map(went));
     assert!(off_px(&matching, &markers, went).iter().all(|off| *off == Some(0.0)));
     // Its spots are taken again and are free for no other marker.
     assert!(matching.spot_taken.iter().all(|taken| *taken));
