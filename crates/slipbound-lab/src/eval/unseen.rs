@@ -31,8 +31,7 @@ struct Variant {
 
 const PLAIN: Variant = Variant { name: "", change: |_, _| (), also: "", has_mu: true };
 
-/// All variants. Values of creep, weakening and adhesion are estimates at the far end of the ranges in
-/// docs/simulator.md.
+/// All variants. Creep, weakening and adhesion are set to estimates of what a real gel does at most.
 const VARIANTS: [Variant; 13] = [
     Variant {
         name: "creep",

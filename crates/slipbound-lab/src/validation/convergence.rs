@@ -68,7 +68,7 @@ pub fn grid_convergence() -> Vec<Row> {
         ..plain
     };
     let grids = [
-        // Mean load, largest load, mean stick ratio, largest stick ratio: docs/simulator.md, convergence.
+        // Mean load, largest load, mean stick ratio, largest stick ratio: the limits that docs/simulator.md prints.
         ("96 x 72", Grid::standard(), [2.2e-3, 6e-3, 0.010, 0.033]),
         ("64 x 48", Grid::fast(), [3.3e-3, 9e-3, 0.044, 0.098]),
     ];

@@ -223,8 +223,8 @@ impl Config {
         force_n * self.own_per_finger()
     }
 
-    /// The gripper's own force values -> newtons per finger; may be below 0 where its sensor has a bias. None when not
-    /// a number or more than twice the gripper's largest force: then it is no measurement.
+    /// The gripper's own force values -> newtons per finger; may be below 0 where its sensor has a bias. None when it
+    /// is no measurement: not a number, below the least reading, or more than twice the gripper's largest force.
     pub fn from_own_n(&self, own_n: f64) -> Option<f64> {
         let force_n = own_n / self.own_per_finger();
         (LEAST_READING_N..=2.0 * self.most_n).contains(&force_n).then_some(force_n)

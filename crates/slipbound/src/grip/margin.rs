@@ -13,9 +13,9 @@
 //! assumed to be slippery.
 //!
 //! Where the view cuts the contact the margin is unreliable, because the rim slips outside the view. The target is then
-//! reduced to seven tenths ([`MarginSettings::cut_target_share`]), and the force is not lowered under a load. It is not
-//! lowered either after a slide until the load has fallen, nor while fewer fingers know a margin than before in this
-//! grasp: the missing finger may have the smallest margin.
+//! reduced to seven tenths ([`MarginSettings::cut_target_share`]), and the force is not lowered under a load. After a
+//! slide it is not lowered below the force that stopped the slide until the load has fallen. It is not lowered while
+//! fewer fingers know a margin than before in this grasp: the missing finger may have the smallest margin.
 //!
 //! When a loaded finger in contact gives no margin, the force is raised slowly, up to a limit: see
 //! [`MarginSettings::unsure_n_per_s`].
@@ -54,7 +54,7 @@ const EXCESS: f64 = 1.5;
 const DOUBTFUL_CUT: (f64, f64) = (0.05, 0.15);
 /// With a doubtful margin the force is not lowered above this used fraction.
 const DOUBTFUL_LOADED_FRACTION: f64 = 0.15;
-/// After a slide the force is lowered again once the minimum holding force has fallen to this share of its value then.
+/// The force that stopped a slide is kept until the minimum holding force has fallen to this share of its value then.
 const EASED_FRACTION: f64 = 0.3;
 
 /// Friction coefficient at or below which a contact counts as slippery, and from which it does not.
@@ -106,7 +106,7 @@ impl Default for MarginSettings {
             slack_fraction: 0.05,
             raise_n_per_s: 120.0,
             release_n_per_s: 5.0,
-            release_excess_per_s: 4.0,
+            release_excess_per_s: 6.0,
             unsure_n_per_s: 10.0,
             unsure_most_fraction: 0.5,
         }
@@ -176,6 +176,15 @@ fn doubt(cut_fraction: f64) -> f64 {
     ((cut_fraction - none) / (full - none)).clamp(0.0, 1.0)
 }
 
+/// A slide that a higher grip force has stopped.
+#[derive(Debug, Clone, Copy)]
+struct StoppedSlide {
+    /// Minimum holding force in the last cycle of the slide, N.
+    least_n: f64,
+    /// Force commanded in that cycle, N.
+    force_n: f64,
+}
+
 /// Holds a slip margin.
 #[derive(Debug, Clone)]
 pub struct Margin {
@@ -190,8 +199,8 @@ pub struct Margin {
     margin: Option<f64>,
     /// The largest number of fingers with a margin at a time, since the hand last held nothing.
     margins_most: u32,
-    /// Minimum holding force at the last slide, N.
-    slid_at_n: Option<f64>,
+    /// The last slide, until the load has fallen.
+    stopped: Option<StoppedSlide>,
     /// Grip when the margin of a loaded contact was lost, N.
     unsure_from_n: Option<f64>,
     alarms_count: u32,
@@ -213,7 +222,7 @@ impl Margin {
             before_n: 0.0,
             margin: None,
             margins_most: 0,
-            slid_at_n: None,
+            stopped: None,
             unsure_from_n: None,
             alarms_count: 0,
             slipping: false,
@@ -284,25 +293,28 @@ impl GripController for Margin {
         let doubt = doubt(hand.cut_fraction);
         let target = self.settings.target(hand.friction, doubt);
         let least_n = self.least_n(used, pressed_n, seconds, misses);
+        // The average and this frame must agree on what is released fast.
+        let excess_from_n = least_n.max(used * pressed_n) / target;
         let used = least_n / pressed_n;
         self.margin = Some((1.0 - used).clamp(0.0, 1.0));
         let wanted_n = least_n / target;
         let grows = least_n > (1.0 + GROWN_FRACTION) * self.before_n + GROWN_N;
         self.before_n += (1.0 - libm::exp(-seconds / STANDS_S)) * (least_n - self.before_n);
-        let release_n = self.settings.let_go_n(self.force_n, wanted_n, seconds);
-        if gross {
-            self.slid_at_n = Some(least_n);
-        }
+        let release_n = self.settings.let_go_n(self.force_n, excess_from_n, seconds);
+        self.stopped = self.stopped.filter(|stopped| least_n > EASED_FRACTION * stopped.least_n);
         // The margin before a slide was wrong: the force that stopped the slide is kept while the load persists.
-        self.slid_at_n = self.slid_at_n.filter(|slid_at_n| least_n > EASED_FRACTION * slid_at_n);
-        let keeps = misses || self.slid_at_n.is_some() || doubt > 0.0 && used > DOUBTFUL_LOADED_FRACTION;
+        let kept_n = self.stopped.map_or(0.0, |stopped| stopped.force_n.min(self.force_n));
+        let keeps = misses || gross || doubt > 0.0 && used > DOUBTFUL_LOADED_FRACTION;
         let slack = self.settings.slack_fraction.min(target);
         if wanted_n > self.force_n {
             self.force_n = wanted_n.min(self.force_n + self.settings.raise_n_per_s * seconds);
         } else if !grows && !keeps && least_n < (target - slack) * self.force_n {
-            self.force_n = wanted_n.max(self.force_n - release_n);
+            self.force_n = wanted_n.max(self.force_n - release_n).max(kept_n);
         }
         self.force_n = self.force_n.clamp(self.limits.least_n, self.limits.most_n);
+        if gross {
+            self.stopped = Some(StoppedSlide { least_n, force_n: self.force_n });
+        }
         // The arm waits while the grip lags behind the load.
         let behind = self.force_n > 1.2 * pressed_n && used > target + 0.15;
         GripDecision { force_n: self.force_n, arm: if behind { ArmMotion::Pause } else { ArmMotion::Go } }

@@ -150,6 +150,8 @@ impl Markers {
             m.settle_with_neighbours(&self.all);
             if m.is_inconsistent(&self.all) {
                 m.repair_field(&self.all, self.tracks.iter().map(|t| t.trusted));
+            } else {
+                m.accept_field();
             }
             self.untrusted_frames_count = if m.trustworthy() { 0 } else { self.untrusted_frames_count + 1 };
         }

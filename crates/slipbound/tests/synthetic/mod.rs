@@ -31,7 +31,7 @@ pub fn hand(state: SlipState) -> HandReport {
         slip,
         margin: None,
         margins_count: 0,
-        // The law `margin` uses 0.65 of it.
+        // The law `margin` uses 0.62 of it.
         friction: Some(0.5),
         cut_fraction: 0.0,
     }

@@ -95,7 +95,7 @@ pub(crate) fn roughness_levels(cells: &[[f32; 3]], covered: &[bool], columns: us
     Binomial::new(columns, values.len()).run(&mut values);
     let mut sharp: Vec<f32> = Vec::with_capacity(cells.len());
     for (i, (cell, around)) in cells.iter().zip(&values).enumerate() {
-        // Where half of the neighbourhood is hidden, its mean is off centre.
+        // Where more than 0.3 of the neighbourhood is hidden, its mean is off centre.
         if shown(i) && around[3] > 0.7 * 256.0 {
             sharp.push((0..3).map(|c| (cell[c] - around[c]).abs()).fold(0.0, f32::max));
         }

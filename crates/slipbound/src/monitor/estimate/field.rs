@@ -28,8 +28,8 @@ impl Point {
     }
 }
 
-/// Scales in pitches, from wide to narrow, of the weights of the rigid fit: without, and with the fit of the last
-/// frame.
+/// Scales in pitches of the weights of the rigid fit, one a round: without a fit of the last frame, from wide to narrow,
+/// and with it, where the first round starts from its stick set.
 const FIRST_PITCH: [f64; 9] = [1.5, 1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.13, 0.1];
 const NEXT_PITCH: [f64; 7] = [0.3, 0.5, 0.35, 0.25, 0.18, 0.13, 0.1];
 

@@ -40,14 +40,14 @@ const MAX_INFORMATION: f64 = 25.0;
 const REGRIPPED_SHARE: f64 = 0.1;
 const REGRIPPED_S: f64 = 0.2;
 /// A grip whose logarithm has fallen by the first number since the field was restarted leaves squeeze and slip of the
-/// larger contact in it. Each 1 beyond adds the second number to the standard deviation of a frame's log used fraction,
-/// up to a load of the third number times the grip force; under more load the effect decreases.
+/// larger contact in it. Each 1 beyond adds the second number, in quadrature, to the standard deviation of a frame's
+/// log used fraction, up to a load of the third number times the grip force; under more load the effect decreases.
 const LET_GO_LOG: f64 = 1.0;
 const LET_GO_LOG_SD: f64 = 0.8;
 const LET_GO_PER_GRIP: f64 = 0.15;
 /// When the load falls, slip of the rim under the larger load remains, and the used fraction seems larger than it is:
-/// each 1 by which the logarithm of the load has fallen beyond the first number adds the second to the standard
-/// deviation of a frame's log used fraction.
+/// each 1 by which the logarithm of the load has fallen beyond the first number adds the second, in quadrature, to the
+/// standard deviation of a frame's log used fraction.
 const EASED_LOG: f64 = 0.1;
 const EASED_LOG_SD: f64 = 1.0;
 /// Standard deviation of the log friction from the load at which an object begins to slide.

@@ -4,7 +4,7 @@
 //!   touched ----press----> settled (grip and area steady for 0.2 s): squeeze of every marker stored, as it was 0.1 s
 //!                                     |            ago: a load that begins meanwhile is no squeeze
 //!                                     v       squeeze (P / P_taken)^0.85 when the grip changes later
-//!   displacement under load = now - rest - squeeze - residual of the marker when it joined the contact
+//!   displacement under load = now - rest - squeeze;   slip = that - rigid - residual of the marker when it joined
 //!
 //!   rolled or slid over the gel: the squeeze moves with the contact, interpolated between markers
 //!   gripped harder by a tenth: slipped markers stick again where they are, and slip counts from there

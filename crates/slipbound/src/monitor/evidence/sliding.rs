@@ -83,7 +83,7 @@ impl SlidingWatch {
 
     /// The shortest time back over which the imprint has moved far enough decides whether the gel moved along.
     fn look_back(&mut self, now: &Step) -> Option<Sliding> {
-        // A stopped slide is reported for no longer than it takes to detect one.
+        // A stopped slide is reported for no longer than two looks at the imprint and three frames.
         let most = self.pace_frames.map_or(BACK_FRAMES_COUNT, |pace| 2 * pace + 3);
         for back in 1..=most.min(self.count).min(BACK_FRAMES_COUNT) {
             let then = self.steps[(self.count - back) % BACK_FRAMES_COUNT];
