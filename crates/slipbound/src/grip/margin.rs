@@ -106,7 +106,7 @@ impl Default for MarginSettings {
             slack_fraction: 0.05,
             raise_n_per_s: 120.0,
             release_n_per_s: 5.0,
-            release_excess_per_s: 6.0,
+            release_excess_per_s: 4.0,
             unsure_n_per_s: 10.0,
             unsure_most_fraction: 0.5,
         }
@@ -293,14 +293,12 @@ impl GripController for Margin {
         let doubt = doubt(hand.cut_fraction);
         let target = self.settings.target(hand.friction, doubt);
         let least_n = self.least_n(used, pressed_n, seconds, misses);
-        // The average and this frame must agree on what is released fast.
-        let excess_from_n = least_n.max(used * pressed_n) / target;
         let used = least_n / pressed_n;
         self.margin = Some((1.0 - used).clamp(0.0, 1.0));
         let wanted_n = least_n / target;
         let grows = least_n > (1.0 + GROWN_FRACTION) * self.before_n + GROWN_N;
         self.before_n += (1.0 - libm::exp(-seconds / STANDS_S)) * (least_n - self.before_n);
-        let release_n = self.settings.let_go_n(self.force_n, excess_from_n, seconds);
+        let release_n = self.settings.let_go_n(self.force_n, wanted_n, seconds);
         self.stopped = self.stopped.filter(|stopped| least_n > EASED_FRACTION * stopped.least_n);
         // The margin before a slide was wrong: the force that stopped the slide is kept while the load persists.
         let kept_n = self.stopped.map_or(0.0, |stopped| stopped.force_n.min(self.force_n));
