@@ -35,9 +35,8 @@ const GROWING_ROUNDS: usize = 14;
 /// contact is, 0.01 to 0.03 in a contact under strong shear.
 const INCONSISTENT_FRACTION: f64 = 0.03;
 /// A regrown field is accepted when its inconsistency is below the first share of the earlier one, or below the second
-/// in this many frames in a row. In simulated ramps of 30 and 60 N a regrown field of correctly tracked markers has 0.73
-/// of the inconsistency and more, below the second share never in two frames in a row; after a snap 0.42 to 0.82, frame
-/// after frame.
+/// in this many frames in a row. In twelve simulated ramps of 30 and 60 N it has 0.73 of the inconsistency and more until
+/// the object slides, below the second share never in two frames in a row; after a snap 0.42 to 0.82, frame after frame.
 const CLEARLY_LESS: f64 = 0.5;
 const LESS: f64 = 0.8;
 const LESS_FRAMES_COUNT: u32 = 3;
