@@ -203,12 +203,15 @@ impl DriverState {
     }
 
     pub(super) fn check_link(&self) -> Result<(), Error> {
-        self.link.check(self.now_ns).map_err(|problem| match problem {
-            LinkProblem::Down { why } => Error::Lost { address: self.address(), why },
-            LinkProblem::Silent { expected_ms, got_ms } => {
-                Error::Silent { address: self.address(), expected_ms, got_ms }
-            }
-        })
+        self.link.check(self.now_ns).map_err(|problem| self.link_error(problem))
+    }
+
+    fn link_error(&self, problem: LinkProblem) -> Error {
+        let address = self.address();
+        match problem {
+            LinkProblem::Down { why } => Error::Lost { address, why },
+            LinkProblem::Silent { expected_ms, got_ms } => Error::Silent { address, expected_ms, got_ms },
+        }
     }
 
     pub(super) fn permit_lowering(&mut self, permitted: bool) {
@@ -243,7 +246,7 @@ impl DriverState {
 
     /// The newest state, or what is wrong.
     pub(super) fn report(&mut self) -> Result<GripperState, Error> {
-        self.check_link()?;
+        self.link.check_heard(self.now_ns).map_err(|problem| self.link_error(problem))?;
         match self.fault.take() {
             Some(fault) => Err(fault),
             None => {

@@ -27,6 +27,11 @@ enum State {
         why: String,
     },
     Up,
+    /// Up again, but nothing has been received since: a relay between us and the device may accept a link and close it
+    /// at once. Why the link before was lost.
+    Unproven {
+        why: String,
+    },
     /// Up, and the farewell has been sent: nothing else may follow it.
     Leaving,
 }
@@ -35,6 +40,8 @@ enum State {
 #[derive(Debug)]
 pub(crate) struct LinkHealth {
     state: State,
+    /// Whether a valid message has ever been received.
+    has_heard: bool,
     silence_ms: u64,
     heard_ns: u64,
 }
@@ -42,56 +49,110 @@ pub(crate) struct LinkHealth {
 impl LinkHealth {
     /// A link not yet made, on which a silence of more than `silence_ms` is a fault.
     pub fn new(silence_ms: u64) -> Self {
-        LinkHealth { state: State::Down { why: "not yet made".into() }, silence_ms, heard_ns: 0 }
+        LinkHealth { state: State::Down { why: "not yet made".into() }, has_heard: false, silence_ms, heard_ns: 0 }
     }
 
     /// For a driver without a link: never down, never silent.
     pub fn not_needed() -> Self {
-        LinkHealth { state: State::NotNeeded, silence_ms: 0, heard_ns: 0 }
+        LinkHealth { state: State::NotNeeded, has_heard: false, silence_ms: 0, heard_ns: 0 }
     }
 
     /// The link is up.
     pub fn up(&mut self, now_ns: u64) {
-        (self.state, self.heard_ns) = (State::Up, now_ns);
+        self.heard_ns = now_ns;
+        self.state = match mem::replace(&mut self.state, State::Up) {
+            State::Down { why } if self.has_heard => State::Unproven { why },
+            _ => State::Up,
+        };
     }
 
     /// The link is down. Returns whether it was up before.
     pub fn down(&mut self, why: &str) -> bool {
-        matches!(mem::replace(&mut self.state, State::Down { why: why.into() }), State::Up | State::Leaving)
+        let was_up = self.is_up();
+        self.state = State::Down { why: why.into() };
+        was_up
     }
 
     /// The farewell has been sent.
     pub fn leave(&mut self) {
-        if self.state == State::Up {
+        if matches!(self.state, State::Up | State::Unproven { .. }) {
             self.state = State::Leaving;
         }
     }
 
     /// A valid message was received.
     pub fn heard(&mut self, now_ns: u64) {
-        self.heard_ns = now_ns;
+        (self.has_heard, self.heard_ns) = (true, now_ns);
+        if let State::Unproven { .. } = self.state {
+            self.state = State::Up;
+        }
     }
 
     /// Whether the link is up, also after the farewell.
     pub fn is_up(&self) -> bool {
-        matches!(self.state, State::Up | State::Leaving)
+        matches!(self.state, State::Up | State::Unproven { .. } | State::Leaving)
     }
 
     /// Whether commands may still be sent.
     pub fn may_send(&self) -> bool {
-        matches!(self.state, State::Up | State::NotNeeded)
+        matches!(self.state, State::Up | State::Unproven { .. } | State::NotNeeded)
     }
 
-    /// What is wrong with it at this time, if anything is.
+    /// What is wrong with what is known of the device: as [`LinkHealth::check`], but a link made anew counts as lost
+    /// until something has been received.
+    pub fn check_heard(&self, now_ns: u64) -> Result<(), LinkProblem> {
+        self.check(now_ns)?;
+        match &self.state {
+            State::Unproven { why } => Err(LinkProblem::Down { why: why.clone() }),
+            _ => Ok(()),
+        }
+    }
+
+    /// What is wrong with it at this time for a command, if anything is.
     pub fn check(&self, now_ns: u64) -> Result<(), LinkProblem> {
         let silent_ns = now_ns.saturating_sub(self.heard_ns);
         match &self.state {
             State::NotNeeded => Ok(()),
             State::Down { why } => Err(LinkProblem::Down { why: why.clone() }),
-            State::Up | State::Leaving if silent_ns > self.silence_ms * 1_000_000 => {
+            State::Up | State::Unproven { .. } | State::Leaving if silent_ns > self.silence_ms * 1_000_000 => {
                 Err(LinkProblem::Silent { expected_ms: self.silence_ms, got_ms: silent_ns / 1_000_000 })
             }
-            State::Up | State::Leaving => Ok(()),
+            State::Up | State::Unproven { .. } | State::Leaving => Ok(()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    fn lost() -> Result<(), LinkProblem> {
+        Err(LinkProblem::Down { why: "reset by peer".into() })
+    }
+
+    #[test]
+    fn a_link_made_anew_stays_lost_until_something_is_received() {
+        let mut link = LinkHealth::new(300);
+        link.up(0);
+        assert_eq!(link.check_heard(MS), Ok(()), "the first link counts at once");
+        link.heard(2 * MS);
+        assert!(link.down("reset by peer"));
+        assert_eq!(link.check_heard(3 * MS), lost());
+        for up_ms in [10, 20] {
+            // A relay that accepts and closes again: the reason stays the one of the link that did carry messages.
+            link.up(up_ms * MS);
+            assert!(
+                link.may_send() && link.check((up_ms + 1) * MS).is_ok(),
+                "commands are sent: a pause must not wait"
+            );
+            assert_eq!(link.check_heard((up_ms + 1) * MS), lost());
+            assert!(link.down("reset by peer"));
+        }
+        link.up(30 * MS);
+        assert_eq!(link.check_heard(331 * MS), Err(LinkProblem::Silent { expected_ms: 300, got_ms: 301 }));
+        link.heard(332 * MS);
+        assert_eq!(link.check_heard(333 * MS), Ok(()));
     }
 }

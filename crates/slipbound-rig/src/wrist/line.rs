@@ -82,7 +82,7 @@ impl LineWrist {
             }
             WristMotion::Pause => ask("PAUSE", &[]),
         };
-        self.check_link(now_ns)?;
+        self.link.check(now_ns).map_err(|problem| self.link_error(problem))?;
         // A pause waits for nothing.
         if command.motion == WristMotion::Pause {
             self.next = None;
@@ -97,7 +97,7 @@ impl LineWrist {
     /// The newest state since the link is up, or what is wrong; a refusal is reported once. A position from before a
     /// new link does not count; before the first report the position is 0.
     pub fn report(&mut self, now_ns: u64) -> Result<WristState, Error> {
-        self.check_link(now_ns)?;
+        self.link.check_heard(now_ns).map_err(|problem| self.link_error(problem))?;
         if let Some(fault) = self.fault.take() {
             return Err(fault);
         }
@@ -110,12 +110,12 @@ impl LineWrist {
         Error::Motion { address: self.address.clone(), key, expected, got }
     }
 
-    fn check_link(&self, now_ns: u64) -> Result<(), Error> {
-        let address = || self.address.clone();
-        self.link.check(now_ns).map_err(|problem| match problem {
-            LinkProblem::Down { why } => Error::Lost { address: address(), why },
-            LinkProblem::Silent { expected_ms, got_ms } => Error::Silent { address: address(), expected_ms, got_ms },
-        })
+    fn link_error(&self, problem: LinkProblem) -> Error {
+        let address = self.address.clone();
+        match problem {
+            LinkProblem::Down { why } => Error::Lost { address, why },
+            LinkProblem::Silent { expected_ms, got_ms } => Error::Silent { address, expected_ms, got_ms },
+        }
     }
 
     fn send(&mut self, now_ns: u64, words: String) {

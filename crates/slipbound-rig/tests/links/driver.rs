@@ -142,6 +142,9 @@ fn the_first_fault_is_reported_once_and_none_outlives_its_link() {
     driver.unlinked(5, "cut");
     assert!(matches!(driver.state(6), Err(Error::Lost { .. })), "the link comes first");
     driver.linked(7);
+    let unheard = driver.state(8).expect_err("nothing has been received on the new link").to_string();
+    assert!(unheard.contains("link is lost (cut)"), "{unheard}");
+    driver.receive(8, &[20]);
     assert_eq!(driver.state(8).expect("a new link").force_n, Some(20.0));
     assert!(
         matches!(driver.request(9, Request::Acknowledge), Err(Error::Unable { .. })),
