@@ -11,7 +11,7 @@ use crate::report::Report;
 use crate::sensor::{Sensor, Settings, sensor_of, settings_of};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
-use slipbound::finger_pipeline::RestFinder;
+use slipbound::finger_pipeline::{RecordingMonitor, RestFinder};
 use slipbound::image::SizePx;
 use slipbound::monitor::{RestKind, Settings as CoreSettings, SlipMonitor};
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError as SourceFailure, SourceErrorKind};
@@ -30,7 +30,7 @@ const WHAT: &str = "watch";
 /// A recording, and where it was opened.
 struct Open {
     recording: ReadAhead,
-    monitor: Box<SlipMonitor>,
+    monitor: Box<RecordingMonitor>,
     frame: FrameBuffer,
     /// Whether the newest frame is whole.
     whole: bool,
@@ -167,9 +167,10 @@ impl Watch {
         }
         let rest = finder.find().map_err(rest_error)?.rest;
         let rest_kind = rest.kind();
-        let monitor = Box::new(SlipMonitor::new(&sensor, &settings, rest).map_err(setting)?);
+        let monitor = SlipMonitor::new(&sensor, &settings, rest).map_err(setting)?;
         let clock = recording.clock();
         let sensor = Arc::new(monitor.sensor().clone());
+        let monitor = Box::new(RecordingMonitor::with_rest_of_first_frames(monitor).map_err(setting)?);
         let process_id = std::process::id();
         let frame = FrameBuffer::default();
         let open = Open { recording, monitor, frame, whole: false, frames_count: 0, process_id, raised };
@@ -195,13 +196,13 @@ impl Watch {
                 Next::Torn { .. } => break open.monitor.torn(open.frame.seq, open.frame.time_ns),
                 Next::Frame => {
                     open.whole = true;
-                    let frame = open.frame.frame().map_err(|e| failed(e.into()))?;
-                    break open.monitor.step(&frame, None);
+                    let judged = open.monitor.step(&open.frame, &mut (), &mut |_, _| {});
+                    break judged.map_err(|e| failed(e.into()))?;
                 }
             }
         };
         let touched = report.motion.is_some() || report.shear.is_some();
-        let kept = Arc::new(Kept::of(&open.monitor, self.sensor.clone(), touched));
+        let kept = Arc::new(Kept::of(open.monitor.monitor(), self.sensor.clone(), touched));
         let frame = open.frames_count;
         open.frames_count += 1;
         Ok(Some(Report { report, kept, finger: self.finger.clone(), frame, waiting: None }))

@@ -2,7 +2,7 @@
 //! the test recording of this repository.
 
 use slipbound::events::SlipEvents;
-use slipbound::finger_pipeline::RestFinder;
+use slipbound::finger_pipeline::{RecordingMonitor, RestFinder};
 use slipbound::monitor::{Settings, SlipMonitor};
 use slipbound::port::{FrameBuffer, Next};
 use slipbound_rig::{sensors, source};
@@ -21,13 +21,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     while !finder.is_full() && first_frames.next(&mut frame)? == Next::Frame {
         finder.see(&frame)?;
     }
-    let mut monitor = SlipMonitor::new(&sensor, &settings, finder.find()?.rest)?;
+    // None of the first frames is judged by a later one.
+    let monitor = SlipMonitor::new(&sensor, &settings, finder.find()?.rest)?;
+    let mut monitor = RecordingMonitor::with_rest_of_first_frames(monitor)?;
 
     // Every frame from the first on.
     let (mut frames, mut events) = (source::open(&recording)?, SlipEvents::new());
     loop {
         let report = match frames.next(&mut frame)? {
-            Next::Frame => monitor.step(&frame.frame()?, None),
+            Next::Frame => monitor.step(&frame, &mut (), &mut |_, _| {})?,
             Next::Torn { .. } => monitor.torn(frame.seq, frame.time_ns),
             Next::Silent => continue,
             Next::End => break,

@@ -34,6 +34,10 @@ impl Default for Stopwatch {
 }
 
 impl Probe for Stopwatch {
+    fn begin(&mut self) {
+        self.restart();
+    }
+
     fn after(&mut self, step: Step, _: &SlipMonitor) {
         let now = Instant::now();
         self.steps_us.push((step, (now - self.since).as_secs_f64() * 1e6));

@@ -8,8 +8,10 @@
 //! Frames are acquired by the loop and judged by a [`MonitorRunner`]: one after the other ([`Sequential`]), or on
 //! threads of their own, for which [`FingerPipeline::lend`] hands out monitor and frame.
 
+mod recording_monitor;
 mod rest_finder;
 
+pub use recording_monitor::RecordingMonitor;
 pub use rest_finder::{FoundRest, RestFinder, rest_from};
 
 use crate::control::ControlError;
@@ -204,7 +206,7 @@ impl FingerPipeline {
         if !finder.is_full() {
             return Ok(());
         }
-        let found = match self.rest_finder.take().map(RestFinder::find) {
+        let found = match self.rest_finder.take().map(|finder| finder.find()) {
             Some(Ok(found)) => found,
             // Only dark frames so far: the loop waits, nothing is held yet.
             Some(Err(RestError::NoStationaryFrame { .. })) | None => return Ok(()),

@@ -55,8 +55,11 @@ pub enum Step {
     Slip,
 }
 
-/// Observes each step of a frame: for timing, debug images and tests. Called after each step.
+/// Observes each step of a frame: for timing, debug images and tests.
 pub trait Probe {
+    /// A frame begins.
+    fn begin(&mut self) {}
+
     /// `step` is complete; the monitor's accessors return its result.
     fn after(&mut self, step: Step, monitor: &SlipMonitor);
 }
@@ -142,8 +145,9 @@ impl SlipMonitor {
         self.step_probed(frame, grip, &mut ())
     }
 
-    /// The same, with a probe called after each step.
+    /// The same, with a probe.
     pub fn step_probed(&mut self, frame: &Frame<'_>, grip: Option<GripSample>, probe: &mut dyn Probe) -> SlipReport {
+        probe.begin();
         if let Some(seq) = self.rebase_from.take() {
             self.rebase(seq);
         }
@@ -404,7 +408,13 @@ impl SlipMonitor {
         })
     }
 
-    fn unjudged(&self, seq: u64, time_ns: Option<u64>, grip: Option<GripSample>, reason: Reason) -> SlipReport {
+    pub(crate) fn unjudged(
+        &self,
+        seq: u64,
+        time_ns: Option<u64>,
+        grip: Option<GripSample>,
+        reason: Reason,
+    ) -> SlipReport {
         let none = self.sensor.mm_per_px().map(|_| 0.0);
         SlipReport {
             seq,

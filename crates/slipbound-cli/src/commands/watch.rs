@@ -22,10 +22,12 @@ use anyhow::anyhow;
 use args::RestArgument;
 use outputs::Outputs;
 use slipbound::events::{SlipEvent, SlipEvents};
+use slipbound::finger_pipeline::RecordingMonitor;
 use slipbound::monitor::{Settings, SlipMonitor, SlipState};
 use slipbound::port::{FrameBuffer, FrameSource, Next};
 use slipbound_rig::container::Recorder;
 use slipbound_rig::link::now_ns;
+use slipbound_rig::report_json::RestOriginKind;
 use slipbound_rig::report_summary::{ReportSummary, torn, when};
 use slipbound_rig::source::doubtful_rate;
 use slipbound_rig::{config, sensors};
@@ -128,7 +130,7 @@ impl Watch {
             finger::of(&self.source, size, sensor.as_ref(), saved)
         })?;
         found.notes.iter().for_each(|note| terminal.note(note));
-        let mut monitor = SlipMonitor::new(&found.sensor, &settings, found.rest).map_err(Failure::arguments)?;
+        let monitor = SlipMonitor::new(&found.sensor, &settings, found.rest).map_err(Failure::arguments)?;
         let doubt = monitor.refusal().map(|reason| format!("{reason}; {UNJUDGED}"));
         doubt.iter().for_each(|doubt| terminal.note(&format!("{}: {doubt}", self.source)));
         let notes: Vec<String> = found.report_note.into_iter().chain(doubt).collect();
@@ -141,7 +143,12 @@ impl Watch {
         if let Some(recorder) = &recorder {
             self.describe(recorder, &monitor, camera.as_ref())?;
         }
+        let is_given = origin.rest.kind == RestOriginKind::Given;
         let mut outputs = Outputs::open(self, origin, &monitor, recorder.as_ref())?;
+        let mut monitor = match is_given {
+            true => RecordingMonitor::with_known_rest(monitor),
+            false => RecordingMonitor::with_rest_of_first_frames(monitor).map_err(Failure::arguments)?,
+        };
         if let (Some(recorder), None) = (&recorder, &camera) {
             recorder.begin();
         }
@@ -196,7 +203,7 @@ impl Watch {
     fn judge(
         &self,
         recording: &mut dyn FrameSource,
-        monitor: &mut SlipMonitor,
+        monitor: &mut RecordingMonitor,
         outputs: &mut Outputs,
         progress: &mut Progress<'_>,
         mut stalls: Option<&mut StallDetector>,
@@ -210,7 +217,9 @@ impl Watch {
         loop {
             if stalls.is_some() && interrupted.load(Ordering::Relaxed) {
                 // A camera has no other end. The frames taken have been judged.
-                return events.end().map_or(Ok(()), |event| progress.event(&event, outputs, &buffer, monitor));
+                return events
+                    .end()
+                    .map_or(Ok(()), |event| progress.event(&event, outputs, &buffer, monitor.monitor()));
             }
             let next = recording.next(&mut buffer);
             if stalls.is_none() && interrupted.load(Ordering::Relaxed) {
@@ -226,8 +235,8 @@ impl Watch {
             let report = match next {
                 Next::Silent => continue,
                 Next::Frame => {
-                    let frame = buffer.frame().map_err(|e| Failure::work(&self.source, e))?;
-                    monitor.step_probed(&frame, None, &mut outputs.stopwatch)
+                    let judged = monitor.step(&buffer, &mut outputs.stopwatch, &mut |_, _| {});
+                    judged.map_err(|e| Failure::work(&self.source, e))?
                 }
                 Next::Torn { reason } => {
                     progress.terminal.note(&format!("{}: {}", self.source, torn(&buffer, &reason)));
@@ -235,13 +244,14 @@ impl Watch {
                     monitor.torn(buffer.seq, buffer.time_ns)
                 }
                 Next::End => {
-                    return events.end().map_or(Ok(()), |event| progress.event(&event, outputs, &buffer, monitor));
+                    let event = events.end();
+                    return event.map_or(Ok(()), |event| progress.event(&event, outputs, &buffer, monitor.monitor()));
                 }
             };
-            outputs.write(&buffer, &report, monitor)?;
+            outputs.write(&buffer, &report, monitor.monitor())?;
             progress.summary.see(&report, &buffer, torn_why.as_deref());
             for event in events.see(&report) {
-                progress.event(&event, outputs, &buffer, monitor)?;
+                progress.event(&event, outputs, &buffer, monitor.monitor())?;
             }
             progress.terminal.advance();
         }

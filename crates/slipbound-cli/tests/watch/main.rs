@@ -1,6 +1,7 @@
 //! The command from outside: its messages, files and exit codes, on whole and on damaged recordings.
 
 mod arguments;
+mod causal;
 mod damaged;
 mod files;
 mod trial;

@@ -8,7 +8,7 @@
 use crate::eval::digest::Digest;
 use crate::eval::error::EvalError;
 use crate::rivals::{Detector, Entry, Inputs};
-use slipbound::finger_pipeline::RestFinder;
+use slipbound::finger_pipeline::{RecordingMonitor, RestFinder};
 use slipbound::monitor::{EvidenceReport, EvidenceSettings, Rest, RestBuilder, RestKind, SlipMonitor, SlipState};
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
 use slipbound::sensor::Sensor;
@@ -218,7 +218,7 @@ pub struct Seen {
 pub enum RestFrom {
     /// The first frame, in which the finger is already touched.
     FirstFrame,
-    /// Detected among the first frames.
+    /// Chosen among the first frames, for each of them among those before it.
     FirstFrames,
 }
 
@@ -238,19 +238,36 @@ fn watch(
             continue;
         }
         let Some(mut monitor) = monitor(open, uri, sensor, rest_from, inputs)? else { continue };
-        let mut detectors: Vec<(usize, Box<dyn Detector>)> =
-            entries.iter().enumerate().filter(|(_, e)| is_asked(e)).map(|(n, e)| (n, e.make())).collect();
+        let fresh = || -> Vec<(usize, Box<dyn Detector>)> {
+            entries.iter().enumerate().filter(|(_, e)| is_asked(e)).map(|(n, e)| (n, e.make())).collect()
+        };
+        let mut detectors = fresh();
         let mut frames = open(uri).map_err(EvalError::Source)?;
         let mut buffer = FrameBuffer::default();
         loop {
             let report = match frames.next(&mut buffer)? {
-                Next::Frame => monitor.step(&buffer.frame()?, None),
+                Next::Frame => {
+                    let mut again = Vec::new();
+                    let report = monitor.step(&buffer, &mut (), &mut |monitor, report| {
+                        // Detectors keep something for every marker, and another rest frame may have others.
+                        if again.is_empty() {
+                            again = fresh();
+                        }
+                        for (_, detector) in &mut again {
+                            detector.see(monitor, report);
+                        }
+                    })?;
+                    if !again.is_empty() {
+                        detectors = again;
+                    }
+                    report
+                }
                 Next::Torn { .. } => monitor.torn(buffer.seq, buffer.time_ns),
                 Next::Silent => continue,
                 Next::End => break,
             };
             for (n, detector) in &mut detectors {
-                let score = detector.see(&monitor, &report);
+                let score = detector.see(monitor.monitor(), &report);
                 seen[*n].push(Seen {
                     frame: report.seq,
                     touches: !matches!(report.state, SlipState::NoContact | SlipState::Unjudged),
@@ -271,7 +288,7 @@ fn monitor(
     sensor: &Sensor,
     from: RestFrom,
     inputs: Inputs,
-) -> Result<Option<SlipMonitor>, EvalError> {
+) -> Result<Option<RecordingMonitor>, EvalError> {
     let settings = inputs.settings();
     let mut frames = open(uri).map_err(EvalError::Source)?;
     let mut buffer = FrameBuffer::default();
@@ -279,7 +296,7 @@ fn monitor(
     let rest: Option<Rest> = loop {
         match frames.next(&mut buffer)? {
             Next::Frame => {}
-            Next::End => break finder.and_then(|finder| finder.find().ok()).map(|found| found.rest),
+            Next::End => break finder.and_then(|finder: RestFinder| finder.find().ok()).map(|found| found.rest),
             Next::Torn { .. } | Next::Silent => continue,
         }
         if from == RestFrom::FirstFrame {
@@ -292,10 +309,15 @@ fn monitor(
         };
         finder.see(&buffer)?;
         if finder.is_full() {
-            break finder.clone().find().ok().map(|found| found.rest);
+            break finder.find().ok().map(|found| found.rest);
         }
     };
-    rest.map(|rest| Ok(SlipMonitor::new(sensor, &settings, rest)?)).transpose()
+    let Some(rest) = rest else { return Ok(None) };
+    let monitor = SlipMonitor::new(sensor, &settings, rest)?;
+    Ok(Some(match from {
+        RestFrom::FirstFrame => RecordingMonitor::with_known_rest(monitor),
+        RestFrom::FirstFrames => RecordingMonitor::with_rest_of_first_frames(monitor)?,
+    }))
 }
 
 /// An error of another kind, with its own message.

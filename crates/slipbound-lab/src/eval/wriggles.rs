@@ -22,11 +22,9 @@ use std::path::Path;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Frames of contact before the window: 0.5 s at the rate that the headers of the recordings state, 25 Hz.
-const AFTER_CONTACT_FRAMES: u64 = 13;
-
-/// Number of consecutive frames with contact that begin it.
-const CONTACT_FRAMES_COUNT: usize = 4;
+/// Consecutive frames with contact before the window: 0.5 s at the rate that the headers of the recordings state, 25 Hz.
+/// Some recordings begin with the release of the grasp before: that contact ends sooner.
+const CONTACT_FRAMES_COUNT: usize = 13;
 
 /// The protocol `wriggles`.
 #[derive(Debug)]
@@ -103,16 +101,17 @@ fn grasp(clips: &Clips, folder: &Path, sensor: &Sensor, detectors: &[&'static En
     for video in &videos {
         fingers.push(clips.watch(video, sensor, RestFrom::FirstFrames, detectors)?);
     }
-    let start = fingers.iter().filter_map(|finger| contact(finger)).min();
+    let from = fingers.iter().filter_map(|finger| after_contact(finger)).min();
     let length = fingers.iter().flat_map(|finger| finger.first()).map(Vec::len).min().unwrap_or(0);
-    let from = start.map(|start| start + AFTER_CONTACT_FRAMES as usize);
     Ok(Grasp { fingers, from, left_count: from.map_or(0, |from| length.saturating_sub(from)) })
 }
 
-/// Index of the first of several consecutive frames with contact, from the first detector with results.
-fn contact(finger: &[Vec<Seen>]) -> Option<usize> {
+/// Index of the first frame after [`CONTACT_FRAMES_COUNT`] consecutive ones with contact, by the first detector with
+/// results.
+fn after_contact(finger: &[Vec<Seen>]) -> Option<usize> {
     let frames = finger.iter().find(|frames| !frames.is_empty())?;
-    frames.windows(CONTACT_FRAMES_COUNT).position(|some| some.iter().all(|frame| frame.touches))
+    let mut windows = frames.windows(CONTACT_FRAMES_COUNT);
+    windows.position(|some| some.iter().all(|frame| frame.touches)).map(|start| start + CONTACT_FRAMES_COUNT)
 }
 
 /// Length of the window: the frames left in the shortest clip, among those with contact.
@@ -216,10 +215,11 @@ mod tests {
     }
 
     #[test]
-    fn contact_begins_with_four_frames_in_a_row() {
-        assert_eq!(contact(&finger("..#..#####")), Some(5));
-        assert_eq!(contact(&finger("..###..")), None);
-        assert_eq!(contact(&[Vec::new()]), None);
+    fn the_window_begins_once_contact_has_lasted() {
+        let (released, short, held) = ("#".repeat(12), "#".repeat(12), "#".repeat(20));
+        assert_eq!(after_contact(&finger(&format!("{released}..{short}.{held}"))), Some(27 + 13));
+        assert_eq!(after_contact(&finger(&format!("{released}.{short}"))), None);
+        assert_eq!(after_contact(&[Vec::new()]), None);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Finds the rest frame among the first frames of a source, in the same way for recordings and for the control loop.
 
 use crate::image::{Frame, ImageError, SizePx};
-use crate::monitor::{Rest, RestBuilder, RestError, RestKind, RestLook, Settings};
+use crate::monitor::{Rest, RestBuilder, RestChoice, RestError, RestKind, RestLook, Settings};
 use crate::port::FrameBuffer;
 use crate::sensor::Sensor;
 use crate::setting::SettingError;
@@ -68,18 +68,29 @@ impl RestFinder {
         self.frames.len() >= self.window_count
     }
 
+    /// The frames seen so far.
+    pub(super) fn frames(&self) -> &[FrameBuffer] {
+        &self.frames
+    }
+
+    /// Which of the frames seen so far make the rest frame. Fails when no frame was stationary and bright.
+    pub(super) fn choose(&self) -> Result<RestChoice, RestError> {
+        self.builder.choose(&self.looks)
+    }
+
     /// The rest frame, from the frames seen so far. Fails when no frame was stationary and bright, or too few markers
     /// show.
-    pub fn find(mut self) -> Result<FoundRest, RestError> {
-        let choice = self.builder.choose(&self.looks)?;
+    pub fn find(&self) -> Result<FoundRest, RestError> {
+        let choice = self.choose()?;
         let run = &self.frames[choice.frames];
+        let mut builder = self.builder.clone();
         for buffer in run {
             // Frames with an invalid buffer were rejected by `see`.
             let Ok(frame) = buffer.frame() else { return Err(RestError::Empty) };
-            self.builder.add(&frame)?;
+            builder.add(&frame)?;
         }
         let seqs = run.first().map_or(0, |f| f.seq)..run.last().map_or(0, |f| f.seq + 1);
-        Ok(FoundRest { rest: self.builder.build(choice.kind)?, seqs })
+        Ok(FoundRest { rest: builder.build(choice.kind)?, seqs })
     }
 }
 
