@@ -41,9 +41,13 @@ class Report:
 
 
 def watch(binary, source, sensor, folder):
-    """Runs the command on a recording."""
+    """Runs the command on a recording: once to find the rest frame, and again with that one known from the first frame
+    on, so that the same marker has the same row in every frame."""
     path = folder / ("_".join(source.with_suffix("").parts[-2:]) + ".jsonl")
     command = [binary, "watch", source, "--sensor", sensor, "--json", path, "--markers"]
+    subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
+    first, end = json.loads(path.read_text().splitlines()[0])["rest"]["frames"]
+    command += ["--rest", f"{first}..{end}"]
     run = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
     if run.returncode != 0:
         print(f"{source.name}: exit code {run.returncode}: {run.stderr.strip()}")

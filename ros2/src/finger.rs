@@ -150,7 +150,7 @@ impl Finger {
         if !finder.is_full() {
             return FrameOutcome::AtRest;
         }
-        let found = match self.finder.take().map(RestFinder::find) {
+        let found = match self.finder.take().map(|finder| finder.find()) {
             Some(Ok(found)) => found,
             // Only dark images so far: it continues to look.
             Some(Err(RestError::NoStationaryFrame { .. })) if !self.is_taring => return FrameOutcome::AtRest,

@@ -272,6 +272,16 @@ impl SlipMonitor {
         }
     }
 
+    /// Forgets the markers of the rest frame, so that nothing of it shows in a report. No frame may be judged after it.
+    pub(crate) fn forget_rest(&mut self) {
+        self.markers.all.clear();
+    }
+
+    /// Why a frame cannot be judged whatever the rest frame: it has another size, or is dark.
+    pub(crate) fn check_frame(&mut self, frame: &Frame<'_>) -> Result<(), Reason> {
+        self.imprint.take(frame, false)
+    }
+
     /// Reports a frame that did not arrive whole.
     pub fn torn(&self, seq: u64, time_ns: Option<u64>) -> SlipReport {
         self.unjudged(seq, time_ns, None, Reason::Torn)

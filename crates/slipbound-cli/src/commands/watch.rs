@@ -27,7 +27,6 @@ use slipbound::monitor::{Settings, SlipMonitor, SlipState};
 use slipbound::port::{FrameBuffer, FrameSource, Next};
 use slipbound_rig::container::Recorder;
 use slipbound_rig::link::now_ns;
-use slipbound_rig::report_json::RestOriginKind;
 use slipbound_rig::report_summary::{ReportSummary, torn, when};
 use slipbound_rig::source::doubtful_rate;
 use slipbound_rig::{config, sensors};
@@ -143,9 +142,9 @@ impl Watch {
         if let Some(recorder) = &recorder {
             self.describe(recorder, &monitor, camera.as_ref())?;
         }
-        let is_given = origin.rest.kind == RestOriginKind::Given;
+        let is_named = self.rest.as_ref().is_some_and(|rest| *rest != RestArgument::Held);
         let mut outputs = Outputs::open(self, origin, &monitor, recorder.as_ref())?;
-        let mut monitor = match is_given {
+        let mut monitor = match is_named {
             true => RecordingMonitor::with_known_rest(monitor),
             false => RecordingMonitor::with_rest_of_first_frames(monitor).map_err(Failure::arguments)?,
         };

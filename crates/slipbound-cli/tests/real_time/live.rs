@@ -320,9 +320,7 @@ fn a_rest_that_was_kept_judges_as_the_live_one_and_no_other_passes_for_it() {
     }
     done("watch all --rest live:10 --json live.jsonl");
     done("watch all --rest finger.rest --json kept.jsonl");
-    let [live, kept] = ["live.jsonl", "kept.jsonl"].map(|name| lines(&path(name)));
-    assert_eq!(live.len(), kept.len());
-    assert_eq!(live[10..], kept[10..], "to the last bit, from the first frame after the rest frame on");
+    assert_eq!(lines(&path("live.jsonl")), lines(&path("kept.jsonl")), "to the last bit");
     // At 30 Hz the open hand is seen for a second before the first slip: a busy machine has time to take hold.
     let hold = "hold all --sensor all/sensor.toml --gripper dry --rate-hz 30 --rest finger.rest --record -o run";
     done(hold);

@@ -1,18 +1,28 @@
 //! No frame is judged by a later one: a report is the same when the recording ends with its frame.
 
-use crate::trial::{Ended, Trial, states};
+use crate::trial::{Ended, Trial, encode, states};
+use slipbound::image::SizePx;
 use std::fs;
+
+/// In place of the number of a frame: a frame that did not arrive, and one without light.
+const TORN: usize = 1000;
+const DARK: usize = 1001;
 
 /// Lines of the report on frames of the simulated recording `from`, copied to a folder of their own in this order.
 fn judged(trial: &Trial, from: &str, frames: &[usize], more: &[&str]) -> Vec<serde_json::Value> {
     let _ = fs::remove_dir_all(trial.path("part"));
     fs::create_dir(trial.path("part")).expect("makes a folder");
-    for (place, frame) in frames.iter().enumerate() {
-        let from = trial.path(&format!("{from}/frame_{frame:06}.jpg"));
-        fs::copy(from, trial.path(&format!("part/{place:03}.jpg"))).expect("copies");
+    for (place, &frame) in frames.iter().enumerate() {
+        let to = format!("part/{place:03}.jpg");
+        match frame {
+            TORN => trial.write(&to, b""),
+            DARK => trial.write(&to, &encode(&[3; 640 * 480], SizePx::new(640, 480))),
+            _ => drop(fs::copy(trial.path(&format!("{from}/frame_{frame:06}.jpg")), trial.path(&to)).expect("copies")),
+        }
     }
     let arguments = ["watch", "part", "--sensor", "finger.toml", "--json", "part.jsonl", "--markers"];
-    Ended::of(trial.command(&arguments).args(more).output().expect("runs")).expect(0, &[]);
+    Ended::of(trial.command(&arguments).args(more).output().expect("runs"))
+        .expect(if frames.contains(&TORN) { 3 } else { 0 }, &[]);
     trial.report("part.jsonl")
 }
 
@@ -59,6 +69,11 @@ fn no_report_depends_on_a_later_frame() {
         let (kinds, states) = check(&trial, &frames, &[1, 2, 5, 9, 14, 20]);
         assert!(kinds.iter().all(|kind| kind == "unloaded"), "{camera}: {kinds:?}");
         assert!(states[0] == "no_contact" && states.iter().any(|state| state == "stick"), "{camera}: {states:?}");
+        // No rest frame is known before the fourth: the first is torn, and two are dark.
+        let mut frames = frames;
+        frames[..3].copy_from_slice(&[TORN, DARK, DARK]);
+        let (_, states) = check(&trial, &frames, &[4, 5, 9, 14, 20]);
+        assert!(states[..4] == ["unjudged", "unjudged", "unjudged", "no_contact"], "{camera}: {states:?}");
         // It begins in contact; the finger is released within the window, and free from then on.
         let frames: Vec<usize> = (14..28).chain(0..10).collect();
         let (kinds, states) = check(&trial, &frames, &[1, 3, 6, 10, 12, 20]);

@@ -141,7 +141,7 @@ mod tests {
         assert!(link.down("reset by peer"));
         assert_eq!(link.check_heard(3 * MS), lost());
         for up_ms in [10, 20] {
-            // A relay that accepts and closes again: the reason stays the one of the link that did carry messages.
+            // A relay that accepts and closes again.
             link.up(up_ms * MS);
             assert!(
                 link.may_send() && link.check((up_ms + 1) * MS).is_ok(),

@@ -39,12 +39,13 @@ impl RecordingMonitor {
         RecordingMonitor { monitor, beginning: None }
     }
 
-    /// A monitor that chooses its rest frame among the first frames, anew with each of them. `monitor`: one with the
-    /// rest frame found in the whole window; it judges nothing, and shows what [`RecordingMonitor::monitor`] is before
-    /// the first frame. Fails as [`RestFinder::new`].
-    pub fn with_rest_of_first_frames(monitor: SlipMonitor) -> Result<Self, SettingError> {
+    /// A monitor that chooses its rest frame among the first frames, anew with each of them. `monitor`: one of the same
+    /// finger and settings with any rest frame, which is not used; its trees ([`SlipMonitor::estimate_by`]) are not
+    /// kept. Until a rest frame can be chosen it has no markers. Fails as [`RestFinder::new`].
+    pub fn with_rest_of_first_frames(mut monitor: SlipMonitor) -> Result<Self, SettingError> {
         let camera_px = monitor.sensor().image_px;
         let finder = RestFinder::new(monitor.sensor(), monitor.settings(), camera_px)?;
+        monitor.forget_rest();
         Ok(RecordingMonitor { monitor, beginning: Some(Beginning { finder, chosen: None }) })
     }
 
@@ -63,22 +64,20 @@ impl RecordingMonitor {
     ) -> Result<SlipReport, ImageError> {
         let pixels = frame.frame()?;
         if let Some(beginning) = &mut self.beginning {
+            let is_over = beginning.finder.is_full();
             beginning.finder.see(frame)?;
-            match beginning.next_monitor(&self.monitor) {
-                Ok(None) => {}
-                Ok(Some(monitor)) => {
-                    self.monitor = monitor;
-                    let frames = beginning.finder.frames();
-                    for earlier in &frames[..frames.len() - 1] {
-                        let report = self.monitor.step(&earlier.frame()?, None);
-                        again(&self.monitor, &report);
-                    }
+            let next = if is_over { Ok(None) } else { beginning.next_monitor(&self.monitor) };
+            if let Ok(Some(monitor)) = next {
+                self.monitor = monitor;
+                let frames = beginning.finder.frames();
+                for earlier in &frames[..frames.len() - 1] {
+                    let report = self.monitor.step(&earlier.frame()?, None);
+                    again(&self.monitor, &report);
                 }
-                Err(RestError::FewMarkers { .. }) if beginning.chosen.is_none() => {
-                    return Ok(self.monitor.unjudged(frame.seq, frame.time_ns, None, Reason::MarkersLost));
-                }
-                // A dark frame, or one of another size: the monitor says so.
-                Err(_) => {}
+            }
+            if beginning.chosen.is_none() {
+                let reason = self.monitor.check_frame(&pixels).err().unwrap_or(Reason::MarkersLost);
+                return Ok(self.before_rest(frame.seq, frame.time_ns, reason));
             }
             if beginning.finder.is_full() {
                 self.beginning = None;
@@ -89,20 +88,29 @@ impl RecordingMonitor {
 
     /// Reports a frame that did not arrive whole.
     pub fn torn(&self, seq: u64, time_ns: Option<u64>) -> SlipReport {
-        self.monitor.torn(seq, time_ns)
+        match &self.beginning {
+            Some(Beginning { chosen: None, .. }) => self.before_rest(seq, time_ns, Reason::Torn),
+            _ => self.monitor.torn(seq, time_ns),
+        }
+    }
+
+    /// Reports a frame before any rest frame is known.
+    fn before_rest(&self, seq: u64, time_ns: Option<u64>, reason: Reason) -> SlipReport {
+        SlipReport { reference_seq: seq, ..self.monitor.unjudged(seq, time_ns, None, reason) }
     }
 }
 
 impl Beginning {
     /// A monitor with the rest frame that the frames so far give; None to go on with the present one. A rest frame that
-    /// only grew is made anew when it has twice the frames, and when it is complete.
+    /// only grew is made anew when its noise is halved, and when it is complete: a monitor takes longer to make than a
+    /// frame to judge.
     fn next_monitor(&mut self, present: &SlipMonitor) -> Result<Option<SlipMonitor>, RestError> {
         let choice = self.finder.choose()?;
         let complete_count = present.settings().rest.average_count as usize;
         let goes_on = self.chosen.as_ref().is_some_and(|chosen| {
             let (had_count, has_count) = (chosen.frames.len(), choice.frames.len());
             let is_same = chosen.kind == choice.kind && chosen.frames.start == choice.frames.start;
-            let grew_enough = has_count >= 2 * had_count || has_count == complete_count || self.finder.is_full();
+            let grew_enough = has_count >= 4 * had_count || has_count == complete_count || self.finder.is_full();
             is_same && (has_count == had_count || (has_count > had_count && !grew_enough))
         });
         if goes_on {

@@ -286,7 +286,7 @@ pub struct SlipReport {
 /// One marker after a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Marker {
-    /// Its number: its index in the rest frame, in reading order. Never changes.
+    /// Its number: its index in the rest frame, in reading order. Never changes as long as the rest frame is the same.
     pub id: u32,
     /// Position in the rest frame, rectified px.
     pub rest: Vec2,
