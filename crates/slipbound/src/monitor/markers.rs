@@ -148,11 +148,7 @@ impl Markers {
         m.assign(self.settings.match_within_pitch);
         if self.settings.ask_neighbours {
             m.settle_with_neighbours(&self.all);
-            if m.is_inconsistent(&self.all) {
-                m.repair_field(&self.all, self.tracks.iter().map(|t| t.trusted));
-            } else {
-                m.accept_field();
-            }
+            m.repair_field(&self.all, self.tracks.iter().map(|t| t.trusted));
             self.untrusted_frames_count = if m.trustworthy() { 0 } else { self.untrusted_frames_count + 1 };
         }
         self.place(imprint, touched);

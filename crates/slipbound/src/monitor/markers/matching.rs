@@ -34,12 +34,17 @@ const GROWING_ROUNDS: usize = 14;
 /// Inconsistency as a share of all markers above which a part of the field may be off by a pitch: 0.06 when a whole
 /// contact is, 0.01 to 0.03 in a contact under strong shear.
 const INCONSISTENT_FRACTION: f64 = 0.03;
-/// A regrown field is accepted when its inconsistency is below the first share of the earlier one, or below the second
-/// in this many frames in a row. In twelve simulated ramps of 30 and 60 N it has 0.73 of the inconsistency and more until
-/// the object slides, below the second share never in two frames in a row; after a snap 0.42 to 0.82, frame after frame.
+/// A regrown field is accepted when its inconsistency is below the first share of the earlier one or, soon after a snap,
+/// below the second in this many frames in a row. After a snap it has 0.42 to 0.82 of the inconsistency, frame after
+/// frame. In a correctly matched field under strong shear it can be below the second share, too: in twelve simulated ramps
+/// of 30 and 60 N never in two frames in a row, in a cap screwed on at 40 N in five.
 const CLEARLY_LESS: f64 = 0.5;
 const LESS: f64 = 0.8;
 const LESS_FRAMES_COUNT: u32 = 3;
+/// Rise of the inconsistency from one frame to the next, as a share of all markers, that a snap causes (0.043 when a
+/// cap breaks loose; growing shear up to 0.014), and the number of frames after it that count as soon.
+const SNAP_RISE_FRACTION: f64 = 0.03;
+const SNAP_FRAMES_COUNT: u32 = 10;
 
 const NO_SPOT: u32 = u32::MAX;
 
@@ -62,6 +67,10 @@ pub(super) struct Matching {
     match_of: Vec<u32>,
     pairs: Vec<Pair>,
     undone: Vec<bool>,
+    /// Inconsistency of the last frame, before its field was regrown.
+    last_inconsistency: f64,
+    /// Frames that still count as soon after a snap.
+    snap_frames_left_count: u32,
     /// Frames in a row in which the regrown field was less inconsistent than the matched one.
     less_frames_count: u32,
     saved_match_of: Vec<u32>,
@@ -108,6 +117,8 @@ impl Matching {
             // Spots are at least 0.45 pitch apart: at most nine lie within half a pitch of a position.
             pairs: Vec::with_capacity(9 * markers.len()),
             undone: vec![false; markers.len()],
+            last_inconsistency: 0.0,
+            snap_frames_left_count: 0,
             less_frames_count: 0,
             saved_match_of: vec![NO_SPOT; markers.len()],
             saved_predicted: vec![Vec2::ZERO; markers.len()],
@@ -169,11 +180,6 @@ impl Matching {
     /// Whether a marker at `p` is entirely in view.
     pub(super) fn in_view(&self, p: Vec2) -> bool {
         self.view.holds(p)
-    }
-
-    /// Whether a part of the field may be off by a pitch.
-    pub(super) fn is_inconsistent(&self, markers: &[Marker]) -> bool {
-        self.inconsistency(markers) > INCONSISTENT_FRACTION * markers.len() as f64
     }
 
     /// Whether the matches of this frame can be trusted: hardly any marker in view is missed, and each moved like its
@@ -242,17 +248,20 @@ impl Matching {
         self.recover_from_neighbours(markers, ROUNDS);
     }
 
-    /// The field of this frame is consistent: earlier frames with a more consistent regrown field do not count.
-    pub(super) fn accept_field(&mut self) {
-        self.less_frames_count = 0;
-    }
-
     /// A gel that snaps back moves by a pitch within one frame, and each marker is then matched to the spot of the
-    /// next. The field is inconsistent at the boundary of that region. Regrows it from the markers that hardly moved
-    /// before (`trusted`), and keeps the result if its inconsistency is clearly smaller, or smaller in several frames in
-    /// a row.
+    /// next. The field is inconsistent at the boundary of that region. If it is, regrows it from the markers that hardly
+    /// moved before (`trusted`), and keeps the result if its inconsistency is clearly smaller or, after a snap, smaller
+    /// in several frames in a row.
     pub(super) fn repair_field(&mut self, markers: &[Marker], trusted: impl Iterator<Item = Vec2>) {
         let before = self.inconsistency(markers);
+        let rise = before - std::mem::replace(&mut self.last_inconsistency, before);
+        if before <= INCONSISTENT_FRACTION * markers.len() as f64 {
+            (self.snap_frames_left_count, self.less_frames_count) = (0, 0);
+            return;
+        }
+        let has_snapped = rise > SNAP_RISE_FRACTION * markers.len() as f64;
+        self.snap_frames_left_count =
+            if has_snapped { SNAP_FRAMES_COUNT } else { self.snap_frames_left_count.saturating_sub(1) };
         self.saved_match_of.copy_from_slice(&self.match_of);
         self.saved_predicted.copy_from_slice(&self.predicted);
         for ((undone, m), trusted) in self.undone.iter_mut().zip(markers).zip(trusted) {
@@ -268,9 +277,10 @@ impl Matching {
         self.assign(RECOVERY_PITCH);
         self.recover_from_neighbours(markers, GROWING_ROUNDS);
         let regrown = self.inconsistency(markers);
-        self.less_frames_count = if regrown < LESS * before { self.less_frames_count + 1 } else { 0 };
+        let is_less = regrown < LESS * before && self.snap_frames_left_count > 0;
+        self.less_frames_count = if is_less { self.less_frames_count + 1 } else { 0 };
         if regrown < CLEARLY_LESS * before || self.less_frames_count >= LESS_FRAMES_COUNT {
-            self.less_frames_count = 0;
+            (self.snap_frames_left_count, self.less_frames_count) = (0, 0);
             return;
         }
         self.match_of.copy_from_slice(&self.saved_match_of);
