@@ -273,7 +273,8 @@ impl Watch {
         word(&self.clock)
     }
 
-    /// The state of the finger in its rest frame: `unloaded` or `in_contact`.
+    /// The state of the finger in the rest frame chosen among the first frames: `unloaded` or `in_contact`. Each of
+    /// these frames is judged by the one chosen among it and those before it.
     #[getter]
     fn rest_kind(&self) -> PyResult<String> {
         word(&self.rest_kind)

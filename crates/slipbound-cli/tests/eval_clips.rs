@@ -160,7 +160,7 @@ fn watch_says_of_the_shared_lifts_which_slide() {
     let temporary = tempfile::tempdir().expect("a folder");
     let report = shown(&temporary.path().join("report.jsonl"));
     let sources: Vec<String> = clips.iter().map(|(name, _)| shown(&folder.join(name))).collect();
-    for (rest, found_count) in [(&["--rest", "held"][..], 13), (&[], 9)] {
+    for (rest, found_count) in [(&["--rest", "held"][..], 14), (&[], 10)] {
         let args = [&["watch", "--sensor", "gelsight", "--json", &report], rest].concat();
         slipbound(&args.into_iter().chain(sources.iter().map(String::as_str)).collect::<Vec<_>>());
         let says_gross = |name: &str| {
