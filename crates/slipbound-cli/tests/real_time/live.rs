@@ -124,7 +124,7 @@ fn what_was_watched_live_is_judged_again_from_its_recording_to_the_same_lines() 
     for words in ["no frame for 0.", "frames again after 0.", "camera: ", "1 torn", "format Motion JPEG over HTTP"] {
         assert!(said.contains(words), "no `{words}` in {said}");
     }
-    let again = ["--json", "again.jsonl", "run.mcap"];
+    let again = ["--json", "again.jsonl", "--rest", "live:20", "run.mcap"];
     let replayed = slipbound(scratch.path(), &[&WATCH[..], &again].concat()).output().expect("runs");
     let (live, again) = (lines(&scratch.path().join("live.jsonl")), lines(&scratch.path().join("again.jsonl")));
     assert!(live.len() >= 59, "{}", live.len());
