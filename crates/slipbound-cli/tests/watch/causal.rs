@@ -74,6 +74,12 @@ fn no_report_depends_on_a_later_frame() {
         frames[..3].copy_from_slice(&[TORN, DARK, DARK]);
         let (_, states) = check(&trial, &frames, &[4, 5, 9, 14, 20]);
         assert!(states[..4] == ["unjudged", "unjudged", "unjudged", "no_contact"], "{camera}: {states:?}");
+        let part = judged(&trial, "whole", &frames[..4], &[]);
+        let reasons = [1, 2, 3].map(|n| part[n]["reason"].as_str().expect("a reason"));
+        assert!(
+            reasons[0] == "torn frame" && reasons[1..].iter().all(|why| why.starts_with("dark frame")),
+            "{reasons:?}"
+        );
         // It begins in contact; the finger is released within the window, and free from then on.
         let frames: Vec<usize> = (14..28).chain(0..10).collect();
         let (kinds, states) = check(&trial, &frames, &[1, 3, 6, 10, 12, 20]);

@@ -218,7 +218,7 @@ pub struct Seen {
 pub enum RestFrom {
     /// The first frame, in which the finger is already touched.
     FirstFrame,
-    /// Chosen among the first frames, for each of them among those before it.
+    /// Chosen among the first frames, for each of them among that frame and those before it.
     FirstFrames,
 }
 

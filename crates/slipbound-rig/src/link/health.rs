@@ -108,7 +108,7 @@ impl LinkHealth {
         }
     }
 
-    /// What is wrong with it at this time for a command, if anything is.
+    /// What is wrong with it for a command at this time, if anything is.
     pub fn check(&self, now_ns: u64) -> Result<(), LinkProblem> {
         let silent_ns = now_ns.saturating_sub(self.heard_ns);
         match &self.state {

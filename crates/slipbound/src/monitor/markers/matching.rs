@@ -37,7 +37,7 @@ const INCONSISTENT_FRACTION: f64 = 0.03;
 /// A regrown field is accepted when its inconsistency is below the first share of the earlier one or, soon after a snap,
 /// below the second in this many frames in a row. After a snap it has 0.42 to 0.82 of the inconsistency, frame after
 /// frame. In a correctly matched field under strong shear it can be below the second share, too: in twelve simulated ramps
-/// of 30 and 60 N never in two frames in a row, in a cap screwed on at 40 N in five.
+/// of 30 and 60 N never in two frames in a row, in a cap screwed on at 40 N in three.
 const CLEARLY_LESS: f64 = 0.5;
 const LESS: f64 = 0.8;
 const LESS_FRAMES_COUNT: u32 = 3;
