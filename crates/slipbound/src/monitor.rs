@@ -208,10 +208,15 @@ impl SlipMonitor {
 
     /// Step 5, and the rule `margin`.
     fn estimate(&mut self, frame: &Frame<'_>, grip: Option<GripSample>, area_px2: f64) {
+        // The scale of the score is that of a smooth gel: a weave shows little of an imprint.
+        let held_from_start = self.evidence.starts_in_contact() && self.sensor.skin == Skin::Smooth;
         if !self.contact.touches {
-            self.estimator.clear();
-            self.gross.clear();
-            (self.alarmed, self.small_margin_frames_count, self.slides) = (false, 0, false);
+            (self.alarmed, self.small_margin_frames_count) = (false, 0);
+            self.slides = held_from_start && self.slides_unseen(frame);
+            if !held_from_start {
+                self.estimator.clear();
+                self.gross.clear();
+            }
             return;
         }
         let had_reference = self.estimator.has_reference();
@@ -228,8 +233,7 @@ impl SlipMonitor {
             recent: self.evidence.recent.as_ref(),
             loaded: self.estimator.features.as_ref().map(|features| (features, loaded)),
             at_s,
-            // The scale of the score is that of a smooth gel: a weave shows little of an imprint.
-            held_from_start: self.evidence.starts_in_contact() && self.sensor.skin == Skin::Smooth,
+            held_from_start,
         };
         let knows_grip = self.estimator.knows_grip();
         let moves = self.settings.evidence.used && self.gross.see(&self.estimator.estimates, knows_grip, &seen);
@@ -247,6 +251,16 @@ impl SlipMonitor {
             let (pull, turn) = self.estimator.pull_and_turn_px3();
             self.slip.set_kind_from_load(pull, turn);
         }
+    }
+
+    /// Whether an object slides that has been held since the rest frame and makes no contact region.
+    fn slides_unseen(&mut self, frame: &Frame<'_>) -> bool {
+        self.estimator.skip(frame.time_ns);
+        let (at_s, ..) = self.estimator.load_now();
+        let (evidence, recent) = (self.evidence.report.as_ref(), self.evidence.recent.as_ref());
+        let seen = gross::Seen { evidence, recent, loaded: None, at_s, held_from_start: true };
+        self.gross.see(&self.estimator.estimates, false, &seen);
+        self.settings.evidence.used && self.gross.slides()
     }
 
     /// The rule `margin`. An unknown margin does not end an alarm.
@@ -375,9 +389,9 @@ impl SlipMonitor {
         let (state, reason) = match () {
             _ if self.refusal.is_some() => (SlipState::Unjudged, self.refusal),
             _ if self.markers.half_lost() => (SlipState::Unjudged, Some(Reason::MarkersLost)),
-            _ if !self.contact.touches => (SlipState::NoContact, None),
             // Gross slip is reported whatever the contact quality.
             _ if self.slides => (SlipState::Gross, None),
+            _ if !self.contact.touches && !self.contact.held_unseen => (SlipState::NoContact, None),
             // Deviation: D11 unsure
             _ if unsure && !sure => (SlipState::Unsure, Some(Reason::ContactQuality)),
             _ if slips => (SlipState::Incipient, None),

@@ -87,6 +87,65 @@ fn the_evidence_of_a_recording_that_starts_in_contact_ends_with_that_contact() {
     assert!(evidence.relaxation < 0.05 && evidence.slide_score < 0.5, "nothing has moved: {evidence:?}");
 }
 
+/// An object that was held in the first frame, with an imprint too faint for a region: that is known until the image
+/// differs from the first one.
+#[test]
+fn an_object_held_from_the_start_that_is_too_faint_for_a_region_is_unsure_until_the_image_changes() {
+    let faint = Touch { strength_levels: 5.0, ..touch(55.0) };
+    let fainter = Touch { strength_levels: 3.5, ..touch(55.0) };
+    for (skin, held, while_faint) in [
+        (Skin::Smooth, true, SlipState::Unsure),
+        (Skin::Smooth, false, SlipState::NoContact),
+        (Skin::Fabric, true, SlipState::NoContact),
+    ] {
+        let (painter, mut monitor) = finger_from(skin, held.then_some(&faint));
+        let mut seq = 0;
+        let mut show = |touch: Option<&Touch>| {
+            let rgb = painter.paint(&painter.rest, touch, seq);
+            seq += 1;
+            monitor.step(&frame(&rgb, SIZE, seq), None)
+        };
+        let first: Vec<_> = (0..10).map(|i| show(Some(if i < 5 { &faint } else { &fainter }))).collect();
+        for report in &first[1..] {
+            assert_eq!(report.state, while_faint, "{skin:?} {held}: {report:?}");
+            assert_eq!((report.contact.area_px2, report.estimates.margin), (0.0, None));
+        }
+        let open: Vec<_> = (0..4).map(|_| show(None)).collect();
+        assert!(open.iter().all(|r| r.state == SlipState::NoContact), "{skin:?} {held}: {open:?}");
+        let again: Vec<_> = (0..4).map(|_| show(Some(&faint))).collect();
+        assert!(again.iter().all(|r| r.state == SlipState::NoContact), "as in the first frame, by chance: {again:?}");
+    }
+}
+
+/// The slide score needs no contact region. The object slides on, or stops after four frames.
+#[test]
+fn an_object_held_from_the_start_that_slides_is_gross_though_it_is_too_faint_for_a_region() {
+    let states_of = |stops_at: f64| -> Vec<(SlipState, f64)> {
+        let (painter, mut monitor) = finger_from(Skin::Smooth, Some(&Touch { strength_levels: 5.0, ..touch(55.0) }));
+        let mut show = |seq: u64| {
+            // It is dragged along by half for six frames; then the gel springs back while the object slides on.
+            let at = (seq as f64 - 5.0).clamp(0.0, stops_at);
+            let (gel_px, object_px) = (at.min(6.0) - 0.8 * (at - 6.0).clamp(0.0, 6.0), 2.0 * at);
+            let near = |p: Vec2| libm::exp(-(p - Vec2::new(160.0, 120.0)).length_squared() / 3600.0);
+            let places: Vec<Vec2> = painter.rest.iter().map(|&p| p + Vec2::new(gel_px, 0.0) * near(p)).collect();
+            let centre = touch(55.0).centre + Vec2::new(object_px, 0.0);
+            let object = Touch { centre, strength_levels: 5.0, ..touch(55.0) };
+            let report = monitor.step(&frame(&painter.paint(&places, Some(&object), seq), SIZE, seq), None);
+            (report.state, report.contact.area_px2)
+        };
+        (0..30).map(&mut show).collect()
+    };
+    let reports = states_of(f64::INFINITY);
+    let states: Vec<SlipState> = reports.iter().map(|(state, _)| *state).collect();
+    assert!(states[..6].iter().all(|state| *state == SlipState::Unsure), "{states:?}");
+    assert_eq!(reports[8], (SlipState::Gross, 0.0));
+    assert!(states[8..24].iter().all(|state| *state == SlipState::Gross), "it goes on: {states:?}");
+    let reports = states_of(4.0);
+    assert!(reports.iter().any(|report| *report == (SlipState::Gross, 0.0)), "{reports:?}");
+    let ended = reports[9..].iter().position(|(state, _)| *state != SlipState::Gross).map(|frames| 9 + frames);
+    assert!(ended.is_some_and(|ended| ended < 26), "0.3 s after the last motion, and its noise: {reports:?}");
+}
+
 /// Nothing of an object is visible in the first frames. Only the setting `held` makes them a contact.
 #[test]
 fn a_rest_frame_in_which_an_object_is_known_to_be_held_is_in_contact_though_nothing_shows() {

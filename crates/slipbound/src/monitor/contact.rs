@@ -233,6 +233,9 @@ pub(super) struct Contact {
     displaced: Option<DisplacedContact>,
     frames_above_count: u32,
     starts_in_contact: bool,
+    /// Whether an object has been held since the rest frame whose imprint on the smooth gel is too faint for a region:
+    /// until a region shows, or the image differs from the first one.
+    pub(super) held_unseen: bool,
     /// Displacement from rest shows contact only at [`Untouched::AtRest`].
     pub(super) untouched: Untouched,
     /// Whether something touches.
@@ -280,6 +283,7 @@ impl Contact {
             finder,
             frames_above_count: 0,
             starts_in_contact: rest.kind == RestKind::InContact,
+            held_unseen: rest.kind == RestKind::InContact && sensor.skin == Skin::Smooth,
             untouched: Untouched::AtRest,
             touches: rest.kind == RestKind::InContact,
             region: Mask::new(size),
@@ -312,6 +316,7 @@ impl Contact {
         let of_region = |area_px2: usize| (area_px2 as f64).max(changed_px2.unwrap_or(0.0)) / whole_px2;
         let share = of_region(self.area_px2);
         let seen = share > on || (self.touches && !self.by_displacement && share >= self.settings.off_area_fraction);
+        self.held_unseen = self.held_unseen && !seen && self.is_as_at_start();
         if seen && std::mem::take(&mut self.starts_in_contact) {
             self.untouched = Untouched::Unseen;
         }
@@ -345,6 +350,14 @@ impl Contact {
             self.strength = 0.0;
         }
         self.middle_px = if self.by_displacement { None } else { self.region.middle_px() };
+    }
+
+    /// Whether less of a smooth gel than a contact needs has changed since the first frame. Half the change that counts
+    /// as contact: the imprint itself was fainter than that.
+    fn is_as_at_start(&mut self) -> bool {
+        let RegionFinder::Shading(shading) = &mut self.finder else { return false };
+        let level = (self.settings.change_levels / 2.0) as f32;
+        shading.changed_since_start_fraction(level) <= self.settings.on_area_fraction
     }
 
     /// Quality of the patch, 0 to 1: the smaller of its share of markers and its strength.

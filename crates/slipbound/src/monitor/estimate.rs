@@ -222,6 +222,12 @@ impl Estimator {
         self.counts_from_rest = true;
     }
 
+    /// Passes over a frame in which too little of the contact is visible.
+    pub fn skip(&mut self, time_ns: Option<u64>) {
+        (self.estimates, self.features) = (Estimates::default(), None);
+        self.pass_time(time_ns);
+    }
+
     /// Evaluates a frame in contact.
     pub fn see(
         &mut self,

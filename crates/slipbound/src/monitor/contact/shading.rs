@@ -28,6 +28,8 @@ pub(crate) struct ShadingContact {
     map: CellMap,
     rest: Vec<[f32; 3]>,
     rest_covered: Vec<bool>,
+    /// The smoothed change of the first frame, where it was kept.
+    start: Vec<Weighted>,
     covered: Vec<bool>,
     cover_radius_px: f64,
     least_cells: usize,
@@ -66,6 +68,7 @@ impl ShadingContact {
         ShadingContact {
             rest: rest.to_vec(),
             rest_covered: rest_covered.to_vec(),
+            start: Vec::with_capacity(count),
             covered: vec![false; count],
             cover_radius_px: cover_radius_px(sensor),
             disc: Disc::new(map.columns, count, (close_pitch * sensor.pitch_px / 2.0 / cell_px).round() as usize),
@@ -138,6 +141,20 @@ impl ShadingContact {
             self.components.fill_holes(region);
         }
         (strength, (changed_count * self.map.cell_px * self.map.cell_px) as f64)
+    }
+
+    /// Share of the cells whose colour in the last frame differs by more than a level from that in the first frame for
+    /// which this was asked.
+    pub(crate) fn changed_since_start_fraction(&mut self, level: f32) -> f64 {
+        if self.start.is_empty() {
+            self.start.extend_from_slice(&self.change);
+        }
+        let differs = |(now, start): (&Weighted, &Weighted)| {
+            let known = now[3] > 0.0 && start[3] > 0.0;
+            known && (0..3).any(|channel| (now[channel] - start[channel]).abs() > level)
+        };
+        let changed_count = self.change.iter().zip(&self.start).filter(|cell| differs(*cell)).count();
+        changed_count as f64 / self.change.len().max(1) as f64
     }
 
     /// Factor of each channel that undoes a common change of brightness: the median of rest / now.
