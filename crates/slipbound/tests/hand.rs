@@ -330,6 +330,32 @@ fn a_clock_that_is_set_or_drifts_while_its_finger_is_away_blinds_nobody() {
     }
 }
 
+/// Three cameras, each with a clock of its own. The first one delivers nothing for a second; until then the others are
+/// compared with each other.
+#[test]
+fn a_first_finger_that_wakes_late_is_compared_by_its_own_clock() {
+    let sides = [Side::Left, Side::Right, Side::Left];
+    let mut hand = Hand::new(&sides.map(Mounting::on)).expect("three fingers");
+    for cycle in 0..90u64 {
+        let now_ns = cycle * 33_333_333;
+        for (finger, offset_ns) in [0, 7_000 * MS, 3_000 * MS].into_iter().enumerate() {
+            match finger == 0 && cycle < 30 {
+                true => hand.missed(0),
+                false => hand.see(
+                    finger,
+                    &SlipReport {
+                        time_ns: Some(now_ns + offset_ns),
+                        ..feels(cycle, Vec2::new(0.01 * cycle as f64, finger as f64), 0.0)
+                    },
+                ),
+            }
+        }
+        let expected_count = if cycle < 30 { 2 } else { 3 };
+        let report = hand.report(now_ns);
+        assert_eq!(report.live_count, expected_count, "cycle {cycle}: {:?}", report.health);
+    }
+}
+
 /// The time of a torn frame may be of another clock; a frame that was late before is late after it.
 #[test]
 fn a_torn_frame_does_not_hide_that_its_finger_is_late() {

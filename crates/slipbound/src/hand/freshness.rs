@@ -104,7 +104,8 @@ impl Freshness {
         // Clocks may have any offset: the difference of any two fits.
         let delay_ns = i128::from(now_ns) - i128::from(time_ns);
         match self.time_ns {
-            None => self.least_delay_ns = delay_ns,
+            // Offsets relative to another finger end when this one, before it in order, gets its first time.
+            None => (self.least_delay_ns, self.is_new_clock) = (delay_ns, true),
             Some(last_ns) => {
                 let passed_ns = now_ns.saturating_sub(self.timed_ns);
                 let jump_ns = i128::from(time_ns) - i128::from(last_ns) - i128::from(passed_ns);
