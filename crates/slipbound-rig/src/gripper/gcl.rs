@@ -226,7 +226,12 @@ impl Gcl {
                 message.name()
             }
             None => match self.motion.take_if(|motion| motion.name == name) {
-                Some(motion) => motion.name,
+                Some(motion) => {
+                    if !is_aborted {
+                        self.forget_release(motion.name);
+                    }
+                    motion.name
+                }
                 None => return,
             },
         };
@@ -278,6 +283,13 @@ impl Gcl {
         driver.raise_refused("GRIP", why);
     }
 
+    /// An opening motion that failed is given again with the next command to release. One that somebody aborted is not.
+    fn forget_release(&mut self, name: &str) {
+        if matches!(name, "RELEASE" | "MOVE") && self.goal == Goal::Open {
+            self.goal = Goal::Keep;
+        }
+    }
+
     /// Whether the gripper is known to have accepted this force, N per finger.
     fn has_gripped(&self, force_n: f64) -> bool {
         self.gripped_n == Some(force_n) && !self.is_in_doubt
@@ -327,6 +339,7 @@ impl Protocol for Gcl {
         }
         let (now_ns, motion_ns) = (driver.now_ns(), driver.config.motion_ms * 1_000_000);
         if let Some(motion) = self.motion.take_if(|motion| now_ns.saturating_sub(motion.since_ns) > motion_ns) {
+            self.forget_release(motion.name);
             driver.raise_unfinished(motion.name);
         }
         let reply_ns = driver.config.reply_ms * 1_000_000;

@@ -131,6 +131,13 @@ impl Wsg50 {
         }
     }
 
+    /// An opening motion that failed is given again with the next command to release.
+    fn forget_release(&mut self, command: Command) {
+        if matches!(command, Command::Release | Command::Move) && self.goal == Goal::Open {
+            self.goal = Goal::Keep;
+        }
+    }
+
     fn open(&mut self, driver: &mut DriverState) {
         match self.phase {
             Phase::Opening { .. } | Phase::Opened => {}
@@ -279,7 +286,10 @@ impl Wsg50 {
             (_, status::OK | status::ABORTED) => {}
             // The grasp state reports that no part was found.
             (Command::Grasp, status::FAILED) => {}
-            (command, code) => driver.raise_refused(command.name(), status::in_words(code)),
+            (command, code) => {
+                self.forget_release(command);
+                driver.raise_refused(command.name(), status::in_words(code));
+            }
         }
     }
 
@@ -304,6 +314,7 @@ impl Wsg50 {
             && driver.now_ns().saturating_sub(since_ns) > motion_ns
         {
             self.phase = self.phase.ended();
+            self.forget_release(command);
             driver.raise_unfinished(command.name());
         }
     }

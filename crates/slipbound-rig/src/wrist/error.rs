@@ -47,6 +47,23 @@ pub enum Error {
         /// Where.
         address: String,
     },
+    /// On a new link the wrist reports a position that its last motion cannot have reached: it counts from somewhere
+    /// else now, and no distance from before is known.
+    #[error(
+        "{address}: expected {key} within {most} of {expected}, where it was before the link was lost, got {got}: does          it count from a new zero?"
+    )]
+    OtherZero {
+        /// Where.
+        address: String,
+        /// Which number.
+        key: &'static str,
+        /// Its last value on the link before.
+        expected: f64,
+        /// The largest difference that the last motion explains.
+        most: f64,
+        /// What it is now.
+        got: f64,
+    },
     /// An impossible motion: not a number, a negative bound, or a time to live beyond what is allowed.
     #[error("{address}: expected {key} {expected}, got {got}")]
     Motion {
@@ -90,6 +107,7 @@ impl Error {
             | Error::Unanswered { .. }
             | Error::Unstated { .. } => WristErrorKind::Link,
             Error::Motion { .. } | Error::Refused { .. } => WristErrorKind::Refused,
+            Error::OtherZero { .. } => WristErrorKind::Other,
         }
     }
 }

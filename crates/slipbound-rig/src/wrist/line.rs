@@ -11,6 +11,14 @@ const REPLY_MS: u64 = 100;
 /// Longest time without a sign of life, ms.
 const SILENCE_MS: u64 = 300;
 
+/// How long a motion can go on after the last report of a link that is lost, s: until the silence is noticed, and until
+/// the motion expires.
+const UNSEEN_S: f64 = (SILENCE_MS as f64 * 1e6 + LONGEST_TIME_TO_LIVE_NS as f64) * 1e-9;
+
+/// How far a wrist at rest may be from where its motion ended.
+const SLACK_RAD: f64 = 0.05;
+const SLACK_MM: f64 = 1.0;
+
 /// A command with its number.
 #[derive(Debug)]
 struct Command {
@@ -31,8 +39,10 @@ pub struct LineWrist {
     next: Option<String>,
     in_flight: Option<InFlight<Command>>,
     state: Option<WristState>,
-    /// Whether it has ever reported its position, on any link.
-    has_stated: bool,
+    /// Its last position on the link before this one.
+    before: Option<WristState>,
+    /// How far the last motions can go unreported when the link is lost: angle in rad and lowering in mm.
+    most: [f64; 2],
     fault: Option<Error>,
 }
 
@@ -48,7 +58,8 @@ impl LineWrist {
             next: None,
             in_flight: None,
             state: None,
-            has_stated: false,
+            before: None,
+            most: [0.0; 2],
             fault: None,
         }
     }
@@ -83,6 +94,11 @@ impl LineWrist {
             WristMotion::Pause => ask("PAUSE", &[]),
         };
         self.link.check(now_ns).map_err(|problem| self.link_error(problem))?;
+        match command.motion {
+            WristMotion::Turn { rate_rad_per_s, .. } => self.most[0] = rate_rad_per_s.abs() * UNSEEN_S,
+            WristMotion::Lower { rate_mm_per_s, .. } => self.most[1] = rate_mm_per_s.abs() * UNSEEN_S,
+            WristMotion::Pause => {} // it may not arrive
+        }
         // A pause waits for nothing.
         if command.motion == WristMotion::Pause {
             self.next = None;
@@ -95,15 +111,35 @@ impl LineWrist {
     }
 
     /// The newest state since the link is up, or what is wrong; a refusal is reported once. A position from before a
-    /// new link does not count; before the first report the position is 0.
+    /// new link does not count, but the first one on a new link must continue it; before the first report the position
+    /// is 0.
     pub fn report(&mut self, now_ns: u64) -> Result<WristState, Error> {
         self.link.check_heard(now_ns).map_err(|problem| self.link_error(problem))?;
         if let Some(fault) = self.fault.take() {
             return Err(fault);
         }
         let start = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
-        let known = self.state.or((!self.has_stated).then_some(start));
-        known.ok_or_else(|| Error::Unstated { address: self.address.clone() })
+        let known = self.state.or(self.before.is_none().then_some(start));
+        let state = known.ok_or_else(|| Error::Unstated { address: self.address.clone() })?;
+        self.check_zero(&state)?;
+        Ok(state)
+    }
+
+    /// Fails for a position on a new link that the last motion cannot have reached. One that continues the last one
+    /// ends the comparison.
+    fn check_zero(&mut self, now: &WristState) -> Result<(), Error> {
+        let Some(before) = self.before.filter(|_| self.state.is_some()) else { return Ok(()) };
+        let pairs = [
+            ("angle_rad", before.angle_rad, now.angle_rad, self.most[0] + SLACK_RAD),
+            ("lowered_mm", before.lowered_mm, now.lowered_mm, self.most[1] + SLACK_MM),
+        ];
+        for (key, expected, got, most) in pairs {
+            if (got - expected).abs() > most {
+                return Err(Error::OtherZero { address: self.address.clone(), key, expected, most, got });
+            }
+        }
+        self.before = None;
+        Ok(())
     }
 
     fn cannot(&self, key: &'static str, expected: &'static str, got: f64) -> Error {
@@ -145,7 +181,6 @@ impl LineWrist {
                 {
                     let moving = number_of(rest, "moving") == Some(1.0);
                     self.state = Some(WristState { time_ns: now_ns, angle_rad, lowered_mm, moving });
-                    self.has_stated = true;
                 }
             }
             Answer::Ack { number, words } => {
@@ -180,6 +215,7 @@ impl Endpoint for LineWrist {
         self.lines.clear();
         self.outgoing.clear();
         self.link.up(now_ns);
+        self.before = self.before.or(self.state);
         (self.next, self.in_flight, self.state, self.fault) = (None, None, None, None);
     }
 

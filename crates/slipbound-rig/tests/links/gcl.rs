@@ -262,6 +262,53 @@ impl Scripted {
     }
 }
 
+/// The end of an opening motion, and whether the next command to release gives it again.
+#[test]
+fn a_release_that_failed_under_way_is_given_again_and_one_that_somebody_aborted_is_not() {
+    let release = Request::Grip(GripCommand::Release);
+    for (end, is_fault, is_again) in [
+        (Some("FIN RELEASE"), false, false),
+        (Some("ERR RELEASE 18"), true, true),
+        (Some("ERR RELEASE 19"), false, false),
+        (None, true, true),
+    ] {
+        let mut driver = driver("gcl", config("gcl"));
+        let say = |driver: &mut Driver, ms: u64, line: &str| driver.receive(ms * MS, format!("{line}\n").as_bytes());
+        // Answers what is asked from `ms` on; returns the number of releases sent.
+        let run = |driver: &mut Driver, from_ms: u64, ms: u64| {
+            let mut releases_count = 0;
+            for ms in from_ms..from_ms + ms {
+                driver.tick(ms * MS);
+                let sent = String::from_utf8(std::mem::take(driver.outgoing())).expect("ASCII");
+                for line in sent.lines() {
+                    match line {
+                        "GRIPSTATE?" => say(driver, ms, "GRIPSTATE=4"),
+                        "POS?" => say(driver, ms, "POS=50.00"),
+                        "FORCE?" => say(driver, ms, "FORCE=20.00"),
+                        _ => releases_count += u32::from(line.starts_with("RELEASE")),
+                    }
+                }
+            }
+            releases_count
+        };
+        driver.linked(0);
+        assert_eq!(run(&mut driver, 1, 200), 0);
+        driver.request(201 * MS, release).expect("taken over");
+        assert_eq!(run(&mut driver, 201, 20), 1);
+        say(&mut driver, 221, "ACK RELEASE");
+        let end_ms = if end.is_some() { 300 } else { 10_300 };
+        assert_eq!(run(&mut driver, 221, end_ms - 221), 0, "{end:?}: it is under way");
+        end.into_iter().for_each(|line| say(&mut driver, end_ms, line));
+        assert_eq!(driver.state(end_ms * MS).is_err(), is_fault, "{end:?}");
+        let mut again_count = 0;
+        for ms in (end_ms..end_ms + 60).step_by(20) {
+            driver.request(ms * MS, release).expect("taken over");
+            again_count += run(&mut driver, ms, 20);
+        }
+        assert_eq!(again_count, u32::from(is_again), "{end:?}");
+    }
+}
+
 #[test]
 fn a_grip_that_fails_while_the_gripper_is_idle_is_told_at_once_with_its_reason() {
     for (answers, said) in [

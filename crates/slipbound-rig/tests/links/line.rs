@@ -129,6 +129,38 @@ fn a_wrist_on_a_new_link_is_nowhere_until_it_says_where() {
     assert_eq!(arm.wrist.report(arm.now_ns).expect("there").angle_rad, before_rad);
 }
 
+/// The wrist stands at 0.06 rad and 3 mm when the link is cut. On the new one it reports another position.
+#[test]
+fn a_wrist_that_counts_from_a_new_zero_is_a_fault_until_it_is_where_it_was() {
+    let mut arm = Arm::new("");
+    arm.command(turn(0.3, 1.0)).expect("taken over");
+    arm.run(1000);
+    arm.command(WristMotion::Lower { rate_mm_per_s: 15.0, most_mm: 3.0 }).expect("taken over");
+    arm.run(1000);
+    let relinked = |arm: &mut Arm, angle_rad: f64, lowered_mm: f64| {
+        arm.wrist.unlinked(arm.now_ns, "cut");
+        arm.wrist.linked(arm.now_ns);
+        let line = format!("WRIST angle_rad {angle_rad} lowered_mm {lowered_mm} moving 0\n");
+        arm.wrist.receive(arm.now_ns, line.as_bytes());
+        arm.wrist.report(arm.now_ns).map(|state| (state.angle_rad, state.lowered_mm))
+    };
+    // At 0.3 rad/s and 15 mm/s it goes 0.15 rad and 7.5 mm while nobody hears of it.
+    let error = relinked(&mut arm, 0.06, -6.0).expect_err("9 mm away");
+    let text = error.to_string();
+    assert!(text.contains("lowered_mm within 8.5 of 3") && text.contains("got -6"), "{text}");
+    assert_eq!(error.kind(), WristErrorKind::Other);
+    assert!(arm.wrist.report(arm.now_ns).is_err(), "for as long as it says so");
+    let text = relinked(&mut arm, 0.3, 3.0).expect_err("0.24 rad away").to_string();
+    assert!(text.contains("angle_rad within 0.2 of 0.06"), "{text}");
+    assert_eq!(relinked(&mut arm, 0.2, 9.0).expect("where its last motion may have ended"), (0.2, 9.0));
+    assert_eq!(relinked(&mut arm, 0.3, 9.0).expect("from there"), (0.3, 9.0));
+    // A link on which it said nothing.
+    arm.wrist.unlinked(arm.now_ns, "cut");
+    arm.wrist.linked(arm.now_ns);
+    arm.wrist.receive(arm.now_ns, b"HELLO slipbound-line 1\n");
+    assert!(relinked(&mut arm, 0.3, -9.0).is_err(), "it still counts from the last position that it said");
+}
+
 fn turn(rate_rad_per_s: f64, most_rad: f64) -> WristMotion {
     WristMotion::Turn { rate_rad_per_s, most_rad }
 }

@@ -430,6 +430,50 @@ fn where_the_end_of_a_grasp_is_lost_the_states_show_that_it_has_ended() {
     assert_eq!(sent(&mut driver), [0x26], "a release, no stop before it");
 }
 
+/// The end of an opening motion, and whether the next command to release gives it again.
+#[test]
+fn a_release_that_failed_under_way_is_given_again_and_one_that_somebody_aborted_is_not() {
+    let release = Request::Grip(GripCommand::Release);
+    for (end, is_fault, is_again) in
+        [(Some(0u16), false, false), (Some(18), true, true), (Some(19), false, false), (None, true, true)]
+    {
+        let mut driver = Driver::new("wsg50://hand", config("wsg50"), Wsg50::default());
+        let tell = |driver: &mut Driver<Wsg50>, ms: u64, id, rest: &[u8]| {
+            let mut bytes = Vec::new();
+            frame::write(&mut bytes, id, rest);
+            driver.receive(ms * MS, &bytes);
+        };
+        let releases = |driver: &mut Driver<Wsg50>| {
+            let mut count = 0;
+            Parser::default().feed(&std::mem::take(driver.outgoing()), |frame| count += u32::from(frame.id == 0x26));
+            count
+        };
+        driver.linked(0);
+        tell(&mut driver, 1, 0x40, &[0, 0, 1, 0, 0, 0]);
+        tell(&mut driver, 1, 0x41, &[0, 0, 4]); // it holds
+        driver.request(2 * MS, release).expect("taken over");
+        assert_eq!(releases(&mut driver), 1);
+        tell(&mut driver, 3, 0x26, &26u16.to_le_bytes()); // in progress
+        let end_ms = if end.is_some() { 100 } else { 10_000 };
+        for ms in (10..end_ms).step_by(10) {
+            tell(&mut driver, ms, 0x41, &[0, 0, 4]);
+            driver.tick(ms * MS);
+            driver.request(ms * MS, release).expect("taken over");
+        }
+        if let Some(code) = end {
+            tell(&mut driver, end_ms, 0x26, &code.to_le_bytes());
+        }
+        assert_eq!(releases(&mut driver), 0, "{end:?}: it is under way");
+        driver.tick((end_ms + 5) * MS);
+        assert_eq!(driver.state((end_ms + 5) * MS).is_err(), is_fault, "{end:?}");
+        for ms in end_ms + 6..end_ms + 16 {
+            driver.request(ms * MS, release).expect("taken over");
+            driver.tick(ms * MS);
+        }
+        assert_eq!(releases(&mut driver), u32::from(is_again), "{end:?}");
+    }
+}
+
 #[test]
 fn two_runs_are_the_same_and_faster_than_real_time() {
     let from = std::time::Instant::now();
