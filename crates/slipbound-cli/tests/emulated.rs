@@ -149,6 +149,22 @@ fn over_sockets_and_in_real_time_a_cap_is_opened_too_and_that_replays() {
     check_replay(&run);
 }
 
+/// A lowering that the gripper refused, and a fault, are in the recording, because the controller goes on from there.
+#[test]
+fn a_run_with_refused_forces_and_a_lost_link_replays() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let run = scratch.path().join("run");
+    let emulated = ["--emulated", "wsg50?acknowledge_own_fast_stop=true", "--gripper-fault", "close@3000"];
+    let args = ["--task", "unscrew", "--set", "mu=0.9", "--controller", "margin", "--record"];
+    let output = demo(&run, &[&args[..], &emulated].concat());
+    assert!(output.status.success(), "{}", printed(&output));
+    let lines = fs::read_to_string(run.join("reports.jsonl")).expect("reports");
+    for key in ["\"refused_lowering\":true", "\"on_fault\":true"] {
+        assert!(lines.lines().filter(|line| line.contains(key)).count() > 5, "{key}: {}", printed(&output));
+    }
+    check_replay(&run);
+}
+
 fn check_replay(run: &Path) {
     let again = slipbound(&["replay", run.to_str().expect("UTF-8")]);
     assert!(again.status.success(), "{}", printed(&again));

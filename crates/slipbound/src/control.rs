@@ -42,6 +42,15 @@ use fault::{FaultLog, ForceShortfall};
 /// A pause of the wrist, whatever it is doing.
 const PAUSE: WristCommand = WristCommand::new(WristMotion::Pause);
 
+/// What became of the commands of a cycle.
+#[derive(Debug, PartialEq)]
+struct Sent {
+    /// The fault of a device that did not accept its command.
+    fault: Option<Fault>,
+    /// Whether the gripper kept its force because the command was lower.
+    refused_lowering: bool,
+}
+
 /// The control loop of one hand.
 pub struct ControlLoop {
     fingers: Vec<FingerPipeline>,
@@ -93,6 +102,12 @@ impl ControlLoop {
     pub fn with_idle_force(mut self, idle_n: f64) -> Self {
         self.force.set_idle(idle_n);
         self
+    }
+
+    /// Before a cycle of a replay: whether the recorded one was [`on_fault`](Cycle::on_fault). A fault need not show in
+    /// the recorded states.
+    pub fn assume_fault(&mut self, now_ns: u64, is_present: bool) {
+        self.faults.assume(now_ns, is_present);
     }
 
     /// The fingers.
@@ -197,9 +212,12 @@ impl ControlLoop {
         self.slips.see(&Sign::of_hand(now_ns, &hand));
         let sensed = sensed.unwrap_or(state);
         let step = self.task.step(&Observation { now_ns, hand: &hand, gripper: &sensed, wrist: &wrist_state });
+        let fault = self.shortfall.check(now_ns, &sensed, &step).or(wrist_fault);
+        let on_fault = fault.is_some() || self.faults.current().is_some();
+        let step = if on_fault { self.step_on_fault(step) } else { step };
         self.last_step = Some(step);
-        let shortfall = self.shortfall.check(now_ns, &sensed, &step);
-        match self.command(&step, gripper, wrist).or(shortfall).or(wrist_fault) {
+        let sent = self.command(&step, &sensed, gripper, wrist);
+        match sent.fault.or(fault) {
             Some(fault) => self.raise_fault(now_ns, fault, wrist)?,
             None => self.faults.clear(now_ns),
         }
@@ -218,6 +236,8 @@ impl ControlLoop {
             slips_count: self.slips.count(),
             truth: None,
             fault: self.faults.current().is_some(),
+            on_fault,
+            refused_lowering: sent.refused_lowering,
         }))
     }
 
@@ -260,23 +280,43 @@ impl ControlLoop {
         }
     }
 
-    /// Commands wrist and gripper; returns the fault if one fails. While there is a fault the wrist is paused.
-    fn command(&mut self, step: &TaskStep, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) -> Option<Fault> {
-        // A wrist that has to stop is stopped before the grip changes.
-        let motion = if self.faults.current().is_some() { PAUSE } else { step.wrist };
-        let moved = wrist.command(motion).map_err(Fault::of_wrist);
-        let gripped =
-            gripper.command(step.grip).or_else(|e| self.ignore_refused_lowering(e)).map_err(Fault::of_gripper);
-        gripped.and(moved).err()
+    /// The step while there is a fault: the wrist is paused, and the force is not lowered, nor the hand opened unless it
+    /// was told so before the fault.
+    fn step_on_fault(&mut self, step: TaskStep) -> TaskStep {
+        let grip = match (self.last_step.map(|last| last.grip), step.grip) {
+            (Some(GripCommand::Hold { force_n: last_n }), GripCommand::Hold { force_n }) => {
+                GripCommand::Hold { force_n: force_n.max(last_n) }
+            }
+            (Some(held @ GripCommand::Hold { .. }), GripCommand::Release) => held,
+            _ => step.grip,
+        };
+        if let Some(force_n) = grip.force_n() {
+            self.task.force_kept(force_n);
+        }
+        TaskStep { grip, wrist: PAUSE, ..step }
     }
 
-    /// A gripper that refuses to lower its force keeps the present one: that is no fault.
-    fn ignore_refused_lowering(&mut self, error: GripperError) -> Result<(), GripperError> {
-        if error.kind != GripperErrorKind::Lowering {
-            return Err(error);
+    /// Commands wrist and gripper. `state`: the gripper's before the command.
+    fn command(
+        &mut self,
+        step: &TaskStep,
+        state: &GripperState,
+        gripper: &mut dyn Gripper,
+        wrist: &mut dyn Wrist,
+    ) -> Sent {
+        // A wrist that has to stop is stopped before the grip changes.
+        let moved = wrist.command(step.wrist).map_err(Fault::of_wrist);
+        match gripper.command(step.grip) {
+            // A gripper that refuses to lower its force keeps the present one: that is no fault.
+            Err(error) if error.kind == GripperErrorKind::Lowering => {
+                if let Some(force_n) = state.target_n.or(state.force_n) {
+                    self.task.force_kept(force_n);
+                }
+                self.refused_lowering.get_or_insert_with(|| error.to_string());
+                Sent { fault: moved.err(), refused_lowering: true }
+            }
+            gripped => Sent { fault: gripped.map_err(Fault::of_gripper).and(moved).err(), refused_lowering: false },
         }
-        self.refused_lowering.get_or_insert_with(|| error.to_string());
-        Ok(())
     }
 
     /// Pauses the wrist; an error when the fault lasts too long.

@@ -319,15 +319,23 @@ fn a_silent_camera_makes_its_finger_blind_until_it_speaks_again() {
 
 #[test]
 fn with_the_wrist_lost_the_grip_is_commanded_on_and_the_fault_is_cleared_after_half_a_second() {
-    let mut control = control(scenes(&[(20, Scene::Open), (30, Scene::Held(0.0))]), &hold());
+    let mut settings = hold();
+    settings.lift.lift_mm = 20.0;
+    let mut control = control(scenes(&[(20, Scene::Open), (90, Scene::Held(0.0))]), &settings);
     let (mut gripper, mut wrist) = (MyGripper::default(), MyWrist::default());
-    for cycle in 0..50 {
-        wrist.1 = (25..28).contains(&cycle);
+    let moves = |cycle| (60..65).contains(&cycle) || cycle > 83;
+    for cycle in 0..110 {
+        wrist.1 = (65..68).contains(&cycle);
+        let told_count = wrist.0.len();
         let outcome = control.cycle(cycle * FRAME_NS, &mut gripper, &mut wrist, &mut ()).expect("goes on");
         assert!(cycle < 20 || outcome.commanded().is_some(), "cycle {cycle}");
-        // The last fault is that of cycle 27; half a second is just over 15 cycles.
-        let expected = (25..43).contains(&cycle).then_some(FaultKind::Wrist(WristErrorKind::Link));
+        // The last fault is that of cycle 67; half a second is just over 15 cycles.
+        let expected = (65..83).contains(&cycle).then_some(FaultKind::Wrist(WristErrorKind::Link));
         assert_eq!(control.fault().map(|fault| fault.kind), expected, "cycle {cycle}");
+        let is_told_to_move = wrist.0[told_count..].iter().any(|motion| *motion != WristMotion::Pause);
+        assert!(cycle < 60 || cycle == 83 || is_told_to_move == moves(cycle), "cycle {cycle}: from the first cycle on");
+        let recorded = outcome.commanded().map(|cycle| cycle.wrist_command.motion);
+        assert!(cycle < 20 || recorded == wrist.0.get(told_count).copied(), "cycle {cycle}: {recorded:?}");
     }
 }
 

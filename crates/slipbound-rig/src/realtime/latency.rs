@@ -284,6 +284,10 @@ impl Task for NudgedTask {
     fn grip(&self) -> &Guard {
         self.inner.grip()
     }
+
+    fn force_kept(&mut self, force_n: f64) {
+        self.inner.force_kept(force_n);
+    }
 }
 
 /// An observer that blocks in every cycle.

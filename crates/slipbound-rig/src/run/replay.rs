@@ -111,12 +111,15 @@ pub struct Replay {
     waiting: VecDeque<bool>,
 }
 
-/// A gripper and a wrist that report their recorded states; None: they had a fault.
+/// A gripper and a wrist that report their recorded states, and refuse what was refused; None: they had a fault.
 struct RecordedActuators<'a>(Option<&'a Cycle>);
 
 impl Gripper for RecordedActuators<'_> {
     fn command(&mut self, _: GripCommand) -> Result<(), GripperError> {
-        Ok(())
+        match self.0.is_some_and(|cycle| cycle.refused_lowering) {
+            true => Err(GripperError::new(GripperErrorKind::Lowering, "a lower force was refused")),
+            false => Ok(()),
+        }
     }
 
     fn poll(&mut self) -> Result<GripperState, GripperError> {
@@ -183,6 +186,7 @@ impl Replay {
         while let Some(cycle) = self.cycles.get(next) {
             let known = Some(cycle).filter(|_| !self.waiting.pop_front().unwrap_or_default());
             let (gripper, wrist) = (&mut RecordedActuators(known), &mut RecordedActuators(known));
+            self.control.assume_fault(cycle.time_ns, cycle.on_fault);
             match self.control.cycle(cycle.time_ns, gripper, wrist, observer)? {
                 CycleOutcome::AtRest | CycleOutcome::Waiting => {}
                 CycleOutcome::SourceEnded => {

@@ -156,6 +156,8 @@ pub fn cycles() -> Vec<Cycle> {
             }),
             slips_count: 0,
             fault: false,
+            on_fault: false,
+            refused_lowering: false,
         }
     });
     numbered(cycles.collect())

@@ -56,7 +56,7 @@ pub struct Cycle {
     pub wrist: WristState,
     /// Command sent to the gripper.
     pub grip_command: GripCommand,
-    /// Command of the task for the wrist; while there is a `fault` the wrist was paused instead.
+    /// Command sent to the wrist.
     pub wrist_command: WristCommand,
     /// Phase of the task.
     pub phase: Phase,
@@ -71,4 +71,11 @@ pub struct Cycle {
     /// Whether gripper or wrist had a fault: a lost link, a refusal, a force that does not follow its command.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fault: bool,
+    /// Whether a fault was known before the commands were sent: the wrist was paused, and neither a lower force nor a
+    /// new release was sent.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub on_fault: bool,
+    /// Whether the gripper refused the command because it would have lowered the force.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub refused_lowering: bool,
 }

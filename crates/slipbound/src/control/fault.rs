@@ -38,6 +38,8 @@ pub enum FaultKind {
     JawsUnknown,
     /// The measured force stays below the commanded one.
     ForceShortfall,
+    /// One of a recorded run; its events tell which.
+    Recorded,
 }
 
 /// A fault of gripper or wrist.
@@ -92,6 +94,12 @@ pub(super) struct FaultLog {
 impl FaultLog {
     pub fn current(&self) -> Option<&Fault> {
         self.current.as_ref().map(|(fault, ..)| fault)
+    }
+
+    /// In a replay: whether there was a fault before this cycle.
+    pub fn assume(&mut self, now_ns: u64, is_present: bool) {
+        let fault = || Fault { kind: FaultKind::Recorded, text: "a recorded fault".into() };
+        self.current = is_present.then(|| (fault(), now_ns, now_ns));
     }
 
     /// A fault in this cycle. When faults have lasted too long it is returned with their duration, ns.

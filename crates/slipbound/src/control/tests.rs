@@ -211,32 +211,69 @@ fn a_loop_that_gives_up_leaves_with_the_force_for_blind_hands() {
 }
 
 #[test]
-fn the_wrist_is_told_before_the_gripper_and_stands_while_there_is_a_fault() {
+fn the_wrist_is_told_before_the_gripper() {
     let turn = WristCommand::new(WristMotion::Turn { rate_rad_per_s: 0.3, most_rad: 1.0 });
     let step = TaskStep { wrist: turn, ..holds(Phase::Working) };
     let (scribe, mut control) = (Scribe::default(), control(None));
-    assert_eq!(control.command(&step, &mut scribe.clone(), &mut scribe.clone()), None);
+    let state = scribe.clone().poll_state();
+    let sent = control.command(&step, &state, &mut scribe.clone(), &mut scribe.clone());
+    assert_eq!(sent, Sent { fault: None, refused_lowering: false });
     let told = scribe.told.take();
     assert!(told[0].starts_with("Turn") && told[1] == "grip 20" && told.len() == 2, "{told:?}");
     control.raise_fault(S, Fault::stopped(), &mut scribe.clone()).expect("it waits");
     assert_eq!(scribe.told.take(), ["Pause"]);
-    assert_eq!(control.command(&step, &mut scribe.clone(), &mut scribe.clone()), None);
-    assert_eq!(scribe.told.take(), ["Pause", "grip 20"]);
-    // After half a second without a fault it moves again.
-    control.faults.clear(S + S / 2);
-    assert_eq!(control.command(&step, &mut scribe.clone(), &mut scribe.clone()), None);
-    assert!(scribe.told.take()[0].starts_with("Turn"));
+}
+
+/// The last command before the fault, that of the task, and what is commanded.
+#[test]
+fn on_a_fault_the_wrist_pauses_and_the_force_is_not_lowered_nor_the_hand_opened() {
+    let turn = WristCommand::new(WristMotion::Turn { rate_rad_per_s: 0.3, most_rad: 1.0 });
+    let hold = |force_n| GripCommand::Hold { force_n };
+    for (last, asked, given) in [
+        (Some(hold(20.0)), hold(15.0), hold(20.0)),
+        (Some(hold(20.0)), hold(25.0), hold(25.0)),
+        (Some(hold(20.0)), GripCommand::Release, hold(20.0)),
+        (Some(GripCommand::Release), GripCommand::Release, GripCommand::Release),
+        (Some(GripCommand::Release), hold(15.0), hold(15.0)),
+        (None, hold(15.0), hold(15.0)),
+    ] {
+        let mut control = control(None);
+        control.last_step = last.map(|grip| TaskStep { grip, wrist: turn, phase: Phase::Working });
+        let step = control.step_on_fault(TaskStep { grip: asked, wrist: turn, phase: Phase::Waiting });
+        assert_eq!(step, TaskStep { grip: given, wrist: PAUSE, phase: Phase::Waiting }, "{last:?} {asked:?}");
+        // The controller starts at 10 N.
+        assert_eq!(control.task.grip().force_n(), given.force_n().unwrap_or(10.0), "{last:?} {asked:?}");
+    }
 }
 
 #[test]
 fn a_refused_lower_force_is_no_fault_and_every_other_refusal_is_one() {
     let mut control = control(None);
-    assert!(control.ignore_refused_lowering(GripperError::new(GripperErrorKind::Lowering, "20 N to 15 N")).is_ok());
-    assert!(control.ignore_refused_lowering(GripperError::new(GripperErrorKind::Lowering, "20 N to 14 N")).is_ok());
-    assert_eq!(control.refused_lowering.as_deref(), Some("20 N to 15 N"), "the first is kept");
-    for kind in [GripperErrorKind::Refused, GripperErrorKind::Link, GripperErrorKind::Value] {
-        assert!(control.ignore_refused_lowering(GripperError::new(kind, "no")).is_err(), "{kind:?}");
+    let state = |target_n| GripperState { target_n, ..Scribe::default().poll_state() };
+    struct Refuses(GripperErrorKind, &'static str);
+    impl Gripper for Refuses {
+        fn command(&mut self, _: GripCommand) -> Result<(), GripperError> {
+            Err(GripperError::new(self.0, self.1))
+        }
+
+        fn poll(&mut self) -> Result<GripperState, GripperError> {
+            Ok(Scribe::default().poll_state())
+        }
     }
+    let mut refuse = |kind, text, target_n| {
+        let (step, wrist) = (holds(Phase::Working), &mut Scribe::default());
+        let sent = control.command(&step, &state(target_n), &mut Refuses(kind, text), wrist);
+        assert_eq!(sent.refused_lowering, sent.fault.is_none());
+        (sent.refused_lowering, control.task.grip().force_n())
+    };
+    let lowering = GripperErrorKind::Lowering;
+    assert_eq!(refuse(lowering, "22 N to 15 N", Some(22.0)), (true, 22.0), "the force it goes on with");
+    assert_eq!(refuse(lowering, "22 N to 14 N", Some(15.0)), (true, 22.0), "a higher one is on its way");
+    assert_eq!(refuse(lowering, "30 N to 14 N", Some(30.0)), (true, 30.0));
+    for kind in [GripperErrorKind::Refused, GripperErrorKind::Link, GripperErrorKind::Value] {
+        assert_eq!(refuse(kind, "no", Some(40.0)), (false, 30.0), "{kind:?}");
+    }
+    assert_eq!(control.refused_lowering.as_deref(), Some("22 N to 15 N"), "the first is kept");
 }
 
 #[test]

@@ -17,7 +17,8 @@ pub struct Guard {
     seen_ns: Option<u64>,
     last_ns: Option<u64>,
     blind: bool,
-    /// The force that the controller wanted last, N, while the force is still above it after a blind phase.
+    /// The force that the controller wanted last, N, while the force is still above it: after a blind phase, or because
+    /// it could not be lowered.
     raised_from_n: Option<f64>,
 }
 
@@ -59,7 +60,36 @@ impl Guard {
         self.limited(wanted)
     }
 
-    /// Whether the force is still above the wanted one because it was raised while the hand was blind.
+    /// Keeps the last force, within the same limits, for a cycle in which nobody asks for another.
+    pub fn keep(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
+        self.last_ns = Some(now_ns);
+        let last = GripDecision { force_n: self.force_n, arm: ArmMotion::Go };
+        self.kept(now_ns, hand, gripper).unwrap_or(last)
+    }
+
+    /// As [`GripController::decide`], but with at least the last force.
+    pub fn decide_no_less(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
+        let before_n = self.force_n;
+        let decided = self.decide(now_ns, hand, gripper);
+        self.force_n = decided.force_n.max(before_n);
+        GripDecision { force_n: self.force_n, ..decided }
+    }
+
+    /// The gripper holds with this force, N per finger, although it was told a lower one: it refuses to lower its
+    /// force, or a fault keeps it. Whatever is added from now on is added to this force.
+    pub fn force_kept(&mut self, force_n: f64) {
+        let force_n = force_n.clamp(self.limits.least_n, self.limits.most_n);
+        if force_n > self.force_n {
+            let before_n = std::mem::replace(&mut self.force_n, force_n);
+            match self.inner.force_kept(force_n) {
+                true => self.raised_from_n = None,
+                false => _ = self.raised_from_n.get_or_insert(before_n),
+            }
+        }
+    }
+
+    /// Whether the force is still above the wanted one: it was raised while the hand was blind, or could not be
+    /// lowered.
     pub fn is_raised(&self) -> bool {
         self.raised_from_n.is_some()
     }
@@ -94,8 +124,8 @@ impl Guard {
         Some(GripDecision { force_n: self.force_n, arm })
     }
 
-    /// The controller does not know of a force that was raised while the hand was blind. Increases of the controller
-    /// are added to it; it is lowered slowly, and only while nothing slips.
+    /// The controller does not know of a force that was raised while the hand was blind or could not be lowered.
+    /// Increases of the controller are added to it; it is lowered slowly, and only while nothing slips.
     fn lower_slowly(&mut self, wanted: GripDecision, seconds: f64, hand: &HandReport) -> GripDecision {
         let Some(before_n) = self.raised_from_n.filter(|_| wanted.force_n.is_finite()) else { return wanted };
         let wanted_n = wanted.force_n.clamp(self.limits.least_n, self.limits.most_n);
@@ -140,5 +170,10 @@ impl GripController for Guard {
 
     fn margin(&self) -> Option<f64> {
         self.inner.margin()
+    }
+
+    fn force_kept(&mut self, force_n: f64) -> bool {
+        Guard::force_kept(self, force_n);
+        true
     }
 }

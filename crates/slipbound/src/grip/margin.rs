@@ -329,4 +329,10 @@ impl GripController for Margin {
     fn margin(&self) -> Option<f64> {
         self.margin
     }
+
+    /// The wanted force follows from the load, whatever the grip: only the rate limits start from the force.
+    fn force_kept(&mut self, force_n: f64) -> bool {
+        self.force_n = self.force_n.max(force_n);
+        true
+    }
 }

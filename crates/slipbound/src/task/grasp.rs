@@ -9,7 +9,7 @@
 //! A force reading alone proves nothing either way: a motor's current is 6 % or 3 N off, or fluctuates by 2 N.
 
 use super::step::{Ending, Missing, Observation};
-use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
+use crate::grip::{ArmMotion, GripDecision, Guard, arrived};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::Jaws;
@@ -83,10 +83,12 @@ impl Grasp {
     /// The starting force, or the controller's response to slip; it never falls during the grasp.
     fn force_n(&self, observation: &Observation<'_>, hand: &HandReport, grip: &mut Guard, is_felt: bool) -> f64 {
         let (now_ns, gripper) = (observation.now_ns, observation.gripper);
-        let before_n = grip.force_n();
         let slips = is_felt && matches!(hand.state, SlipState::Incipient | SlipState::Gross);
-        let wanted_n = if slips { grip.decide(now_ns, hand, gripper).force_n.max(before_n) } else { before_n };
-        grip.hold(now_ns, hand, gripper, wanted_n).force_n
+        let decided = match slips {
+            true => grip.decide_no_less(now_ns, hand, gripper),
+            false => grip.keep(now_ns, hand, gripper),
+        };
+        decided.force_n
     }
 
     /// For how long all conditions except the force have been met, ns.

@@ -132,6 +132,10 @@ impl Task for Lift {
         &self.grip
     }
 
+    fn force_kept(&mut self, force_n: f64) {
+        self.grip.force_kept(force_n);
+    }
+
     fn missing(&self) -> Option<Missing> {
         self.grasp.missing().filter(|_| self.phase == Phase::Grasping)
     }

@@ -77,6 +77,9 @@ impl PlaceSettings {
 /// Longest time to reach the looser grip since the commanded force last changed, ns.
 const LATE_NS: u64 = 3_000_000_000;
 
+/// Longest time for the gripper to open, ns.
+const OPENS_NS: u64 = 10_000_000_000;
+
 /// Number of consecutive cycles that confirm a touch. Before the hand opens, so many more cycles must report that the
 /// ground carries the object than that it does not.
 const SURE_CYCLES_COUNT: u32 = 3;
@@ -104,6 +107,8 @@ pub struct Place {
     last: GripDecision,
     /// When the commanded force last changed, ns.
     changed_ns: u64,
+    /// When it was first told to release, ns.
+    released_ns: Option<u64>,
 }
 
 impl Place {
@@ -126,6 +131,7 @@ impl Place {
             carried_cycles_count: 0,
             last,
             changed_ns: 0,
+            released_ns: None,
         })
     }
 
@@ -224,8 +230,11 @@ impl Task for Place {
             }
             Phase::Ended(_) => {}
             Phase::Releasing => {
+                let since_ns = *self.released_ns.get_or_insert(observation.now_ns);
                 if observation.gripper.jaws == Jaws::Open {
                     self.phase = Phase::Ended(Ending::Placed);
+                } else if observation.now_ns.saturating_sub(since_ns) > OPENS_NS {
+                    self.phase = Phase::Ended(Ending::NotReleased);
                 }
             }
             _ => self.work(observation),
@@ -234,7 +243,7 @@ impl Task for Place {
             if self.touched_ns.is_some() { self.settings.laying_mm_per_s } else { self.settings.rate_mm_per_s };
         let wrist = if self.phase == Phase::Working { lower(rate_mm_per_s) } else { PAUSE };
         let grip = match self.phase {
-            Phase::Releasing | Phase::Ended(Ending::Placed) => GripCommand::Release,
+            Phase::Releasing | Phase::Ended(Ending::Placed | Ending::NotReleased) => GripCommand::Release,
             _ => self.last.command(),
         };
         TaskStep { grip, wrist, phase: self.phase }
@@ -242,6 +251,10 @@ impl Task for Place {
 
     fn grip(&self) -> &Guard {
         &self.grip
+    }
+
+    fn force_kept(&mut self, force_n: f64) {
+        self.grip.force_kept(force_n);
     }
 
     fn missing(&self) -> Option<Missing> {

@@ -75,6 +75,8 @@ pub enum Ending {
     Lost,
     /// Place: the gripper did not accept the looser grip that laying down needs; the object is still held.
     GripStays,
+    /// Place: the ground carries the object, but the gripper did not open.
+    NotReleased,
     /// The wrist has reached its limit before any of the above.
     Limit,
 }
@@ -97,6 +99,7 @@ impl Ending {
             Ending::NothingHeld => "nothing was found between the fingers",
             Ending::Lost => "the gripper says that what was held is gone",
             Ending::GripStays => "the gripper did not take the looser grip that laying down needs; it holds on",
+            Ending::NotReleased => "the ground carries the object, but the gripper did not open when told to",
             Ending::Limit => "the wrist has gone as far as it may",
         }
     }
@@ -136,6 +139,10 @@ pub trait Task {
 
     /// The controller that holds the object, inside its guard.
     fn grip(&self) -> &Guard;
+
+    /// The gripper holds with this force, N per finger, although the last step commanded a lower one: see
+    /// [`Guard::force_kept`].
+    fn force_kept(&mut self, force_n: f64);
 
     /// What it waits for before its work can begin; None once it has begun, and before the first step.
     fn missing(&self) -> Option<Missing> {

@@ -104,6 +104,10 @@ impl Task for Unscrew {
         &self.turning.grip
     }
 
+    fn force_kept(&mut self, force_n: f64) {
+        self.turning.grip.force_kept(force_n);
+    }
+
     fn missing(&self) -> Option<Missing> {
         self.turning.missing()
     }

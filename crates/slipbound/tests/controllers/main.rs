@@ -130,6 +130,67 @@ fn a_force_raised_while_blind_comes_down_slowly_and_only_while_nothing_slips() {
     assert!((stood - 25.0).abs() < 0.2 && (stepped - stood - 10.0).abs() < 0.2, "{stood} {stepped}: a step from there");
 }
 
+/// A gripper that refuses to lower its force holds with 30 N. `states`: what the hand reports from then on, and the
+/// margin.
+fn commands_from_30_n(law: Law, states: &[(SlipState, f64)]) -> Vec<f64> {
+    let mut guard = law.controller(&GripLimits::default()).expect("valid");
+    let step = |(i, &(state, margin)): (usize, &(SlipState, f64))| {
+        guard.force_kept(30.0);
+        guard.decide(i as u64 * FRAME_NS, &HandReport { margin: Some(margin), ..hand(state) }, &gripper(30.0)).force_n
+    };
+    states.iter().enumerate().map(step).collect()
+}
+
+#[test]
+fn what_a_controller_adds_is_added_to_the_force_that_could_not_be_lowered() {
+    let (stick, slip) = ((SlipState::Stick, 0.8), (SlipState::Incipient, 0.1));
+    let told = commands_from_30_n(Law::OnSlip(OnSlipSettings::default()), &[stick, stick, slip, stick]);
+    assert!((29.5..=30.0).contains(&told[1]), "lowered slowly, and refused each time: {told:?}");
+    assert!((told[2] - 40.0).abs() < 0.5, "a step of 10 N: {told:?}");
+    assert!(commands_from_30_n(Law::Constant, &[stick, slip]).iter().all(|n| (29.5..=30.0).contains(n)));
+    // It wants 10 N, and later half as much again as the gripper has: what it has counts.
+    let margin = Law::Margin(MarginSettings::default().with_stiffness_mpa_per_mm(0.05));
+    let told = commands_from_30_n(margin, &[[stick; 5], [(SlipState::Stick, 0.1); 5]].concat());
+    assert!(told[..5].iter().all(|n| (29.0..=30.0).contains(n)), "{told:?}");
+    assert!((31.0..36.0).contains(&told[5]), "120 N/s from there: {told:?}");
+}
+
+/// Blind for a moment, so that the force is raised to 30 N, which the gripper then refuses to lower: what `margin` wants
+/// after that is no increase over the force before.
+#[test]
+fn a_margin_that_has_taken_over_the_raised_force_does_not_add_it_again() {
+    let limits = GripLimits::default().with_blind_force_n(Some(30.0));
+    let law = Law::Margin(MarginSettings::default().with_stiffness_mpa_per_mm(0.05));
+    let mut guard = law.controller(&limits).expect("valid");
+    let (mut now_ns, mut force_n) = (0, 10.0);
+    let mut step = |state, margin| {
+        now_ns += FRAME_NS;
+        let hand = HandReport { margin: Some(margin), ..hand(state) };
+        let wanted_n = guard.decide(now_ns, &hand, &gripper(force_n)).force_n;
+        if wanted_n < force_n {
+            guard.force_kept(force_n);
+        }
+        force_n = force_n.max(wanted_n);
+        force_n
+    };
+    (0..3).for_each(|_| _ = step(SlipState::Stick, 0.8));
+    let blind_n = (0..6).map(|_| step(SlipState::Unjudged, 0.8)).last();
+    let kept_n = (0..6).map(|_| step(SlipState::Stick, 0.8)).last();
+    assert_eq!((blind_n, kept_n), (Some(30.0), Some(30.0)));
+    let raised_n = step(SlipState::Stick, 0.1);
+    assert!((31.0..36.0).contains(&raised_n), "120 N/s from 30 N: {raised_n}");
+}
+
+#[test]
+fn a_lower_force_or_none_is_not_the_one_kept() {
+    let mut guard = Law::Constant.controller(&GripLimits::default()).expect("valid");
+    for (kept_n, expected_n) in [(8.0, 10.0), (f64::NAN, 10.0), (90.0, 60.0), (20.0, 60.0)] {
+        guard.force_kept(kept_n);
+        assert_eq!(guard.force_n(), expected_n, "{kept_n}");
+    }
+    assert!(guard.is_raised());
+}
+
 #[test]
 fn a_gripper_that_lost_the_part_or_stopped_is_told_to_keep_its_force() {
     for jaws in [Jaws::Lost, Jaws::Nothing, Jaws::Stopped] {

@@ -10,7 +10,7 @@ use slipbound::monitor::SlipState;
 use slipbound::port::{GripperState, Jaws, WristMotion, WristState};
 use slipbound::sensor::Sensor;
 use slipbound::task::{ControllerKind, Ending, Missing, Observation, Phase, TaskKind, TaskSettings};
-use synthetic::{gripper, hand};
+use synthetic::{FRAME_NS, gripper, hand};
 
 #[test]
 fn an_empty_gripper_ends_the_task() {
@@ -40,6 +40,37 @@ fn a_task_that_cannot_begin_says_what_it_waits_for() {
         assert_eq!(task.missing(), Some(missing));
         assert!(!missing.in_words().is_empty());
     }
+}
+
+/// The fingers see nothing for a moment while the object is grasped: the force goes to the blind force, once, and back
+/// slowly when the work has begun. Slip during the grasp adds a step to it.
+#[test]
+fn a_moment_without_sight_during_the_grasp_raises_the_force_to_the_blind_force_and_no_further() {
+    let told_n = |seen: &[(SlipState, usize)]| -> Vec<(Phase, f64)> {
+        let mut settings = TaskSettings::default().with_controller(ControllerKind::Paper);
+        settings.grip.blind_force_n = Some(30.0);
+        let mut task = settings.task(TaskKind::Lift, None).expect("valid");
+        let (states, mut force_n) = (seen.iter().flat_map(|&(state, count)| vec![state; count]), 10.0);
+        let step = |(cycle, state): (usize, SlipState)| {
+            let now_ns = cycle as u64 * FRAME_NS;
+            let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
+            let (hand, gripper) = (hand(state), gripper(force_n));
+            let step = task.step(&Observation { now_ns, hand: &hand, gripper: &gripper, wrist: &wrist });
+            force_n = step.grip.force_n().expect("it holds");
+            (step.phase, force_n)
+        };
+        states.enumerate().map(step).collect()
+    };
+    let told = told_n(&[(SlipState::Stick, 3), (SlipState::Unjudged, 5), (SlipState::Stick, 60)]);
+    assert_eq!(told[3..8].iter().map(|(_, n)| *n).collect::<Vec<_>>(), [10.0, 10.0, 30.0, 30.0, 30.0]);
+    let grasped = told.iter().position(|(phase, _)| *phase != Phase::Grasping).expect("it begins");
+    assert!(grasped > 10 && told[8..grasped].iter().all(|(_, n)| *n == 30.0), "{told:?}");
+    for pair in told[grasped - 1..].windows(2) {
+        assert!((0.0..0.17).contains(&(pair[0].1 - pair[1].1)), "5 N/s: {told:?}");
+    }
+    let told =
+        told_n(&[(SlipState::Stick, 3), (SlipState::Unjudged, 5), (SlipState::Incipient, 1), (SlipState::Stick, 3)]);
+    assert_eq!(told[8], (Phase::Grasping, 40.0), "{told:?}");
 }
 
 #[test]

@@ -6,8 +6,9 @@ use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};
 use slipbound::task::{Ending, Observation, Phase, TaskKind, TaskSettings};
 
-/// A tool is lowered, touches and turns; its grip should be loosened. `follows`: whether the gripper does so.
-fn laid_down(follows: bool) -> (Option<Ending>, bool) {
+/// A tool is lowered, touches and turns; its grip should be loosened. `follows`: whether the gripper does so; `opens`:
+/// whether it opens.
+fn laid_down(follows: bool, opens: bool) -> (Option<Ending>, bool) {
     let mut task = TaskSettings::default().task(TaskKind::Place, Some(0.05)).expect("valid");
     let (mut force_n, mut lowered_mm, mut released) = (10.0, 0.0, false);
     for cycle in 0..600u64 {
@@ -18,7 +19,7 @@ fn laid_down(follows: bool) -> (Option<Ending>, bool) {
         report.pivot_rad = Some(if touches { 0.2 } else { 0.0 });
         let along = if lowered_mm > 5.0 { 0.1 * (5.0 - lowered_mm) } else { 0.0 };
         report.shear_mm = Some(HandVector { along, ..HandVector::default() });
-        let jaws = if released { Jaws::Open } else { Jaws::Holding };
+        let jaws = if released && opens { Jaws::Open } else { Jaws::Holding };
         let state = GripperState { jaws, ..gripper(force_n) };
         let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm, moving: true };
         let step = task.step(&Observation { now_ns, hand: &report, gripper: &state, wrist: &wrist });
@@ -40,8 +41,13 @@ fn laid_down(follows: bool) -> (Option<Ending>, bool) {
 
 #[test]
 fn a_gripper_that_does_not_loosen_its_grip_lets_nothing_go() {
-    assert_eq!(laid_down(true), (Some(Ending::Placed), true));
-    assert_eq!(laid_down(false), (Some(Ending::GripStays), false));
+    assert_eq!(laid_down(true, true), (Some(Ending::Placed), true));
+    assert_eq!(laid_down(false, true), (Some(Ending::GripStays), false));
+}
+
+#[test]
+fn a_gripper_that_does_not_open_ends_the_task_which_asks_it_to_the_end() {
+    assert_eq!(laid_down(true, false), (Some(Ending::NotReleased), true));
 }
 
 /// Frames without shear while it is laid down, with continuous slip: the loose grip stays loose.
