@@ -9,7 +9,9 @@ use crate::eval::digest::Digest;
 use crate::eval::error::EvalError;
 use crate::rivals::{Detector, Entry, Inputs};
 use slipbound::finger_pipeline::{RecordingMonitor, RestFinder};
-use slipbound::monitor::{EvidenceReport, EvidenceSettings, Rest, RestBuilder, RestKind, SlipMonitor, SlipState};
+use slipbound::monitor::{
+    EvidenceReport, EvidenceSettings, Rest, RestBuilder, RestError, RestKind, SlipMonitor, SlipState,
+};
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
 use slipbound::sensor::Sensor;
 use std::collections::BTreeMap;
@@ -113,7 +115,8 @@ impl Clips {
     }
 
     /// Runs detectors on a recording, in the order of `entries`; the results by detector, then by frame; none for a
-    /// detector whose monitor cannot be created for the recording.
+    /// detector whose monitor cannot be created for the recording. [`EvalError::Unjudged`] where that is so for all of
+    /// them, and where no frame could be judged.
     pub fn watch(
         &self,
         path: &Path,
@@ -121,7 +124,13 @@ impl Clips {
         rest_from: RestFrom,
         entries: &[&'static Entry],
     ) -> Result<Vec<Vec<Seen>>, EvalError> {
-        watch(self.open, &path.display().to_string(), sensor, rest_from, entries)
+        watch(self.open, path, sensor, rest_from, entries)
+    }
+
+    /// How an error names the trial of a clip.
+    pub(super) fn trial(&self, number: u64) -> String {
+        let name = self.names.get(number as usize).map_or("", String::as_str);
+        format!("trial {number}, {name}")
     }
 
     /// Whether a clip's object slipped; None without a label.
@@ -203,6 +212,8 @@ fn labels(text: &str) -> Result<BTreeMap<String, Label>, String> {
 pub struct Seen {
     /// Number of the frame.
     pub frame: u64,
+    /// Whether the frame could be judged.
+    pub is_judged: bool,
     /// Whether something touches the finger.
     pub touches: bool,
     /// Its score.
@@ -225,19 +236,27 @@ pub enum RestFrom {
 /// See [`Clips::watch`].
 fn watch(
     open: OpenSource,
-    uri: &str,
+    path: &Path,
     sensor: &Sensor,
     rest_from: RestFrom,
     entries: &[&'static Entry],
 ) -> Result<Vec<Vec<Seen>>, EvalError> {
+    let uri = &path.display().to_string();
     let mut seen: Vec<Vec<Seen>> = vec![Vec::new(); entries.len()];
+    let (mut refused, mut unjudged) = (None, None);
     for inputs in [Inputs::Frames, Inputs::PaperFrames] {
         // A recording contains no grip force, so both of our detectors use frames alone.
         let is_asked = |entry: &Entry| (entry.inputs == Inputs::PaperFrames) == (inputs == Inputs::PaperFrames);
         if !entries.iter().any(|entry| is_asked(entry)) {
             continue;
         }
-        let Some(mut monitor) = monitor(open, uri, sensor, rest_from, inputs)? else { continue };
+        let mut monitor = match monitor(open, uri, sensor, rest_from, inputs)? {
+            Ok(monitor) => monitor,
+            Err(problem) => {
+                refused.get_or_insert(problem);
+                continue;
+            }
+        };
         let fresh = || -> Vec<(usize, Box<dyn Detector>)> {
             entries.iter().enumerate().filter(|(_, e)| is_asked(e)).map(|(n, e)| (n, e.make())).collect()
         };
@@ -266,10 +285,14 @@ fn watch(
                 Next::Silent => continue,
                 Next::End => break,
             };
+            if let Some(reason) = report.reason.filter(|_| report.state == SlipState::Unjudged) {
+                unjudged.get_or_insert(reason);
+            }
             for (n, detector) in &mut detectors {
                 let score = detector.see(monitor.monitor(), &report);
                 seen[*n].push(Seen {
                     frame: report.seq,
+                    is_judged: report.state != SlipState::Unjudged,
                     touches: !matches!(report.state, SlipState::NoContact | SlipState::Unjudged),
                     score,
                     alarms: detector.alarms(score, &report),
@@ -278,30 +301,48 @@ fn watch(
             }
         }
     }
-    Ok(seen)
+    if seen.iter().flatten().any(|frame| frame.is_judged) {
+        return Ok(seen);
+    }
+    let count = seen.iter().map(Vec::len).max().unwrap_or(0);
+    let expected = "expected frames that can be judged, got none";
+    let problem = match (unjudged, refused) {
+        (Some(reason), _) => format!("{expected} of {count}, the first: {reason}"),
+        (None, Some(problem)) => problem,
+        (None, None) => expected.into(),
+    };
+    Err(EvalError::Unjudged { path: path.to_owned(), problem })
 }
 
-/// A monitor for a recording; None if its rest frame cannot be used.
+/// A monitor for a recording; the inner error is why it has no rest frame.
 fn monitor(
     open: OpenSource,
     uri: &str,
     sensor: &Sensor,
     from: RestFrom,
     inputs: Inputs,
-) -> Result<Option<RecordingMonitor>, EvalError> {
+) -> Result<Result<RecordingMonitor, String>, EvalError> {
     let settings = inputs.settings();
     let mut frames = open(uri).map_err(EvalError::Source)?;
     let mut buffer = FrameBuffer::default();
     let mut finder: Option<RestFinder> = None;
-    let rest: Option<Rest> = loop {
+    let mut torn_count = 0;
+    let rest: Result<Rest, RestError> = loop {
         match frames.next(&mut buffer)? {
             Next::Frame => {}
-            Next::End => break finder.and_then(|finder: RestFinder| finder.find().ok()).map(|found| found.rest),
-            Next::Torn { .. } | Next::Silent => continue,
+            Next::Torn { .. } => {
+                torn_count += 1;
+                continue;
+            }
+            Next::Silent => continue,
+            Next::End => match &finder {
+                Some(finder) => break finder.find().map(|found| found.rest),
+                None => return Ok(Err(format!("expected a whole frame, got none ({torn_count} torn)"))),
+            },
         }
         if from == RestFrom::FirstFrame {
             let mut builder = RestBuilder::new(sensor, &settings, buffer.size)?;
-            break builder.add(&buffer.frame()?).and_then(|()| builder.build(RestKind::InContact)).ok();
+            break builder.add(&buffer.frame()?).and_then(|()| builder.build(RestKind::InContact));
         }
         let finder = match &mut finder {
             Some(finder) => finder,
@@ -309,12 +350,15 @@ fn monitor(
         };
         finder.see(&buffer)?;
         if finder.is_full() {
-            break finder.find().ok().map(|found| found.rest);
+            break finder.find().map(|found| found.rest);
         }
     };
-    let Some(rest) = rest else { return Ok(None) };
+    let rest = match rest {
+        Ok(rest) => rest,
+        Err(problem) => return Ok(Err(problem.to_string())),
+    };
     let monitor = SlipMonitor::new(sensor, &settings, rest)?;
-    Ok(Some(match from {
+    Ok(Ok(match from {
         RestFrom::FirstFrame => RecordingMonitor::with_known_rest(monitor),
         RestFrom::FirstFrames => RecordingMonitor::with_rest_of_first_frames(monitor)?,
     }))

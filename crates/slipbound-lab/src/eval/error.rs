@@ -22,6 +22,14 @@ pub enum EvalError {
     /// A frame is not whole.
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// A recorded clip has nothing that can be judged.
+    #[error("{}: {problem}", path.display())]
+    Unjudged {
+        /// The clip's folder or video.
+        path: PathBuf,
+        /// What was expected and got.
+        problem: String,
+    },
 }
 
 /// Why a folder cannot be used.
@@ -77,12 +85,12 @@ pub enum FolderError {
 #[derive(Debug, thiserror::Error)]
 pub enum SweepError {
     /// A trial could not be judged.
-    #[error("{protocol}, trial {number}: {source}")]
+    #[error("{protocol}, {trial}: {source}")]
     Trial {
         /// The protocol.
         protocol: &'static str,
-        /// Number of the trial.
-        number: u64,
+        /// The trial: see [`Protocol::trial`](super::Protocol::trial).
+        trial: String,
         /// Why.
         source: EvalError,
     },

@@ -104,9 +104,18 @@ impl Lifts {
 
     /// Results of the detectors on the scored frames.
     fn watch(&self, name: &str, detectors: &[&'static Entry]) -> Result<Vec<Vec<Seen>>, EvalError> {
-        let mut seen = self.clips.watch(&self.clips.path(name), &self.sensor, RestFrom::FirstFrame, detectors)?;
+        let path = self.clips.path(name);
+        let mut seen = self.clips.watch(&path, &self.sensor, RestFrom::FirstFrame, detectors)?;
+        let frames_count = seen.iter().map(Vec::len).max().unwrap_or(0);
         seen.iter_mut().for_each(|frames| frames.retain(|frame| frame.frame >= SCORED_FROM_FRAME));
-        Ok(seen)
+        match seen.iter().flatten().any(|frame| frame.is_judged) {
+            true => Ok(seen),
+            false => {
+                let expected = format!("expected frames from number {SCORED_FROM_FRAME} on that can be judged");
+                let problem = format!("{expected}, got none among {frames_count} frames");
+                Err(EvalError::Unjudged { path, problem })
+            }
+        }
     }
 }
 
@@ -117,6 +126,10 @@ impl Protocol for Lifts {
 
     fn trials_count(&self) -> u64 {
         self.clips.names.len() as u64
+    }
+
+    fn trial(&self, number: u64) -> String {
+        self.clips.trial(number)
     }
 
     fn judge(&self, number: u64, detectors: &[&'static Entry]) -> Result<Vec<TrialRecord>, EvalError> {

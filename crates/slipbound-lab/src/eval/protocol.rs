@@ -14,6 +14,11 @@ pub trait Protocol: Sync {
     /// How many trials there are.
     fn trials_count(&self) -> u64;
 
+    /// How an error names a trial: by its number, and by the clip where there is one.
+    fn trial(&self, number: u64) -> String {
+        format!("trial {number}")
+    }
+
     /// The records of a trial, one per detector, in the order of `detectors`. They depend only on the number.
     fn judge(&self, number: u64, detectors: &[&'static Entry]) -> Result<Vec<TrialRecord>, EvalError>;
 

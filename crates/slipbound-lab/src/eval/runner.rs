@@ -50,8 +50,11 @@ fn keep_in_order(
     for (place, judged) in receiver {
         waiting.insert(place, judged);
         while let Some(judged) = waiting.remove(&due) {
-            let trial = |source| SweepError::Trial { protocol: protocol.name(), number: numbers[due], source };
-            keep(judged.map_err(trial)?)?;
+            let failed = |source| {
+                let trial = protocol.trial(numbers[due]);
+                SweepError::Trial { protocol: protocol.name(), trial, source }
+            };
+            keep(judged.map_err(failed)?)?;
             due += 1;
         }
     }

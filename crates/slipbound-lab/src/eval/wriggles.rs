@@ -6,7 +6,7 @@
 //! ```
 //!
 //! The length of a clip reveals its label (recording stops when the object is lost), so every clip is scored over the
-//! same time.
+//! same time. A finger that cannot be judged is left to the other; a grasp of which neither can be judged is an error.
 
 use super::clips::{Clips, RestFrom, Seen, judged, object_of_name, other};
 use super::error::EvalError;
@@ -26,6 +26,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Some recordings begin with the release of the grasp before: that contact ends sooner.
 const CONTACT_FRAMES_COUNT: usize = 13;
 
+/// Key of a record: how many videos of the grasp could not be judged; absent where all could.
+const UNJUDGED_VIDEOS: &str = "unjudged_videos";
+
 /// The protocol `wriggles`.
 #[derive(Debug)]
 pub struct Wriggles {
@@ -33,15 +36,17 @@ pub struct Wriggles {
     sensor: Sensor,
     /// Results on every grasp, by finger and detector; computed together, because the shortest clip determines the
     /// window.
-    seen: OnceLock<Result<Vec<Grasp>, String>>,
+    seen: OnceLock<Result<Vec<Grasp>, (usize, String)>>,
 }
 
 /// Results of the detectors on a grasp.
 #[derive(Debug)]
 struct Grasp {
-    /// By finger, then by detector.
+    /// By finger, then by detector; of the fingers that can be judged.
     fingers: Vec<Vec<Vec<Seen>>>,
-    /// Index of the first frame of the window; None without contact.
+    /// Videos that cannot be judged.
+    unjudged_count: usize,
+    /// Index of the first frame of the window; None without contact, or where no frame comes after it.
     from: Option<usize>,
     /// Frames from there to the end.
     left_count: usize,
@@ -53,12 +58,17 @@ impl Wriggles {
         Wriggles { clips, sensor, seen: OnceLock::new() }
     }
 
-    fn all(&self, detectors: &[&'static Entry]) -> Result<&[Grasp], EvalError> {
+    /// Every grasp, for the trial of one of them.
+    fn all(&self, number: u64, detectors: &[&'static Entry]) -> Result<&[Grasp], EvalError> {
         let all = self.seen.get_or_init(|| self.see_all(detectors));
-        all.as_deref().map_err(|text| other(text.clone()))
+        all.as_deref().map_err(|(failed, text)| match *failed as u64 == number {
+            true => other(text.clone()),
+            false => other(format!("the window is that of the shortest grasp: {text}")),
+        })
     }
 
-    fn see_all(&self, detectors: &[&'static Entry]) -> Result<Vec<Grasp>, String> {
+    /// The error comes with the index of its grasp.
+    fn see_all(&self, detectors: &[&'static Entry]) -> Result<Vec<Grasp>, (usize, String)> {
         let next = AtomicUsize::new(0);
         let names = &self.clips.names;
         let worker = || {
@@ -67,10 +77,11 @@ impl Wriggles {
                 let n = next.fetch_add(1, Ordering::Relaxed);
                 let Some(name) = names.get(n) else { return mine };
                 let path = self.clips.path(name);
-                mine.push((
-                    n,
-                    grasp(&self.clips, &path, &self.sensor, detectors).map_err(|e| format!("{}: {e}", path.display())),
-                ));
+                let failed = |error| match error {
+                    EvalError::Unjudged { .. } => format!("{error}"),
+                    other => format!("{}: {other}", path.display()),
+                };
+                mine.push((n, grasp(&self.clips, &path, &self.sensor, detectors).map_err(failed)));
             }
         };
         let jobs = std::thread::available_parallelism().map_or(1, usize::from);
@@ -80,9 +91,9 @@ impl Wriggles {
         });
         done.sort_by_key(|(n, _)| *n);
         if done.len() != names.len() {
-            return Err("a thread ended early".into());
+            return Err((0, "a thread ended early".into()));
         }
-        done.into_iter().map(|(_, grasp)| grasp).collect()
+        done.into_iter().map(|(n, grasp)| grasp.map_err(|text| (n, text))).collect()
     }
 }
 
@@ -97,13 +108,35 @@ fn grasp(clips: &Clips, folder: &Path, sensor: &Sensor, detectors: &[&'static En
         }
     }
     videos.sort();
-    let mut fingers = Vec::new();
-    for video in &videos {
-        fingers.push(clips.watch(video, sensor, RestFrom::FirstFrames, detectors)?);
+    let unjudged = |problem| EvalError::Unjudged { path: folder.to_owned(), problem };
+    if videos.is_empty() {
+        return Err(unjudged("expected a video of each finger, *.avi, got none".into()));
     }
-    let from = fingers.iter().filter_map(|finger| after_contact(finger)).min();
-    let length = fingers.iter().flat_map(|finger| finger.first()).map(Vec::len).min().unwrap_or(0);
-    Ok(Grasp { fingers, from, left_count: from.map_or(0, |from| length.saturating_sub(from)) })
+    let (mut fingers, mut problems) = (Vec::new(), Vec::new());
+    for video in &videos {
+        match clips.watch(video, sensor, RestFrom::FirstFrames, detectors) {
+            Ok(seen) => fingers.push(seen),
+            Err(EvalError::Unjudged { problem, .. }) => {
+                let name = video.file_name().unwrap_or_default().display();
+                problems.push(format!("{name}: {problem}"));
+            }
+            Err(other) => return Err(other),
+        }
+    }
+    if fingers.is_empty() {
+        return Err(unjudged(format!("expected a finger that can be judged, got none: {}", problems.join("; "))));
+    }
+    Ok(Grasp::new(fingers, problems.len()))
+}
+
+impl Grasp {
+    /// Places the window.
+    fn new(fingers: Vec<Vec<Vec<Seen>>>, unjudged_count: usize) -> Self {
+        let from = fingers.iter().filter_map(|finger| after_contact(finger)).min();
+        let length = fingers.iter().map(|finger| finger.iter().map(Vec::len).max().unwrap_or(0)).min().unwrap_or(0);
+        let left_count = from.map_or(0, |from| length.saturating_sub(from));
+        Grasp { fingers, unjudged_count, from: from.filter(|_| left_count > 0), left_count }
+    }
 }
 
 /// Index of the first frame after [`CONTACT_FRAMES_COUNT`] consecutive ones with contact, by the first detector with
@@ -114,7 +147,7 @@ fn after_contact(finger: &[Vec<Seen>]) -> Option<usize> {
     windows.position(|some| some.iter().all(|frame| frame.touches)).map(|start| start + CONTACT_FRAMES_COUNT)
 }
 
-/// Length of the window: the frames left in the shortest clip, among those with contact.
+/// Length of the window: the frames left in the shortest clip, among those with contact and a frame after it.
 fn window_count(grasps: &[Grasp]) -> usize {
     grasps.iter().filter(|grasp| grasp.from.is_some()).map(|grasp| grasp.left_count).min().unwrap_or(0)
 }
@@ -128,8 +161,12 @@ impl Protocol for Wriggles {
         self.clips.names.len() as u64
     }
 
+    fn trial(&self, number: u64) -> String {
+        self.clips.trial(number)
+    }
+
     fn judge(&self, number: u64, detectors: &[&'static Entry]) -> Result<Vec<TrialRecord>, EvalError> {
-        let grasps = self.all(detectors)?;
+        let grasps = self.all(number, detectors)?;
         let (name, grasp) = (&self.clips.names[number as usize], &grasps[number as usize]);
         let window_count = window_count(grasps);
         let scale = EvidenceSettings::default();
@@ -144,7 +181,7 @@ impl Protocol for Wriggles {
             let fingers: Vec<_> = grasp.fingers.iter().filter_map(of_finger).collect();
             let score = fingers.iter().map(|finger| finger.0).reduce(f64::max).unwrap_or(0.0);
             let first_alarm_frame = fingers.iter().filter_map(|finger| finger.1).min();
-            TrialRecord {
+            let record = TrialRecord {
                 number,
                 trial: name.clone(),
                 object: object_of_name(name).into(),
@@ -157,19 +194,38 @@ impl Protocol for Wriggles {
             }
             .with("first_state_alarm_frame", fingers.iter().filter_map(|finger| finger.2).min())
             .with("window_frames", window_count as u64)
-            .with("window_from_frame", grasp.from.map(|from| from as u64))
+            .with("window_from_frame", grasp.from.map(|from| from as u64));
+            match grasp.unjudged_count {
+                0 => record,
+                count => record.with(UNJUDGED_VIDEOS, count as u64),
+            }
         };
         Ok(detectors.iter().enumerate().map(|(n, entry)| record(n, entry)).collect())
     }
 
     fn tables(&self, records: &[TrialRecord]) -> Vec<Table> {
         let window = records.iter().find_map(|r| r.number_of("window_frames")).unwrap_or(0.0);
+        let mut note = format!(
+            "Did the object slip out? Highest causal score of both fingers in {window} frames, from 0.5 s of contact on. Alarms: a score over the \
+             detector's threshold; ours by its states (incipient or gross) in the last column. Nothing fitted."
+        );
+        let grasps_with = |has: &dyn Fn(&TrialRecord) -> bool| {
+            let mut numbers: Vec<u64> = records.iter().filter(|r| has(r)).map(|r| r.number).collect();
+            numbers.dedup();
+            numbers.len()
+        };
+        let windowless = grasps_with(&|r| r.number_of("window_from_frame").is_none());
+        if windowless > 0 {
+            note +=
+                &format!(" Grasps without a frame after 0.5 s of contact, with score 0 and no alarm: {windowless}.");
+        }
+        let one_finger = grasps_with(&|r| r.number_of(UNJUDGED_VIDEOS).is_some());
+        if one_finger > 0 {
+            note += &format!(" Grasps with a video that could not be judged, by the other finger alone: {one_finger}.");
+        }
         let mut table = Table::new(
             "Wriggles",
-            &format!(
-                "Did the object slip out? Highest causal score of both fingers in {window} frames, from 0.5 s of contact on. Alarms: a score over the \
-                 detector's threshold; ours by its states (incipient or gross) in the last column. Nothing fitted."
-            ),
+            &note,
             &[
                 "detector",
                 "grasps",
@@ -206,6 +262,7 @@ mod tests {
     fn finger(touches: &str) -> Vec<Vec<Seen>> {
         let seen = |(frame, c): (usize, char)| Seen {
             frame: frame as u64,
+            is_judged: true,
             touches: c == '#',
             score: 0.0,
             alarms: false,
@@ -224,8 +281,14 @@ mod tests {
 
     #[test]
     fn every_grasp_is_seen_as_long_as_the_shortest_that_touches() {
-        let grasp = |from, left_count| Grasp { fingers: Vec::new(), from, left_count };
-        assert_eq!(window_count(&[grasp(Some(30), 90), grasp(None, 0), grasp(Some(40), 70)]), 70);
-        assert_eq!(window_count(&[grasp(None, 0)]), 0);
+        let touched = |left_count: usize| finger(&format!("....{}", "#".repeat(13 + left_count)));
+        let grasp = |left_count: usize| Grasp::new(vec![touched(left_count)], 0);
+        let bare = || Grasp::new(vec![finger("......")], 0);
+        assert_eq!(window_count(&[grasp(90), bare(), grasp(70)]), 70);
+        assert_eq!(window_count(&[bare()]), 0);
+        // A video that ends before the first frame of its window leaves the others theirs.
+        let over = Grasp::new(vec![touched(0), finger("....")], 0);
+        assert_eq!((over.from, over.left_count), (None, 0));
+        assert_eq!(window_count(&[grasp(90), over, grasp(70)]), 70);
     }
 }

@@ -1,0 +1,143 @@
+//! Recorded clips that cannot be judged are refused by name, never counted as held.
+
+use slipbound::image::SizePx;
+use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
+use slipbound_lab::eval::clips::Clips;
+use slipbound_lab::eval::lifts::Lifts;
+use slipbound_lab::eval::wriggles::Wriggles;
+use slipbound_lab::eval::{Protocol, TrialRecord, run};
+use slipbound_lab::rivals::{Entry, named};
+use slipbound_lab::scenes::Trial;
+use slipbound_lab::world::World;
+use std::fs;
+use std::path::Path;
+use tempfile::TempDir;
+
+const SIZE: SizePx = SizePx::new(320, 240);
+
+/// A press that lasts for a second.
+fn world() -> World {
+    let scene = "press?object=bottle_cap&camera=gelsight_mini&force_n=10&hold_s=1&grid=fast";
+    World::new(&Trial::parse(scene).expect("a scene")).expect("a world")
+}
+
+/// A clip by its name: `dark*` and `torn*` have no usable frame, `short*` has three frames, others show a press.
+struct Clip {
+    name: String,
+    world: World,
+    given: u64,
+}
+
+impl FrameSource for Clip {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        let most = if self.name.starts_with("short") { 3 } else { 25 };
+        let is_press = !["dark", "torn", "short"].iter().any(|kind| self.name.starts_with(kind));
+        if self.given == most && !is_press {
+            return Ok(Next::End);
+        }
+        let seq = self.given;
+        self.given += 1;
+        if self.name.starts_with("torn") {
+            into.seq = seq;
+            return Ok(Next::Torn { reason: "half a file".into() });
+        }
+        if self.name.starts_with("dark") {
+            (into.seq, into.size, into.format) = (seq, SIZE, PixelFormat::Rgb);
+            into.pixels = vec![0; 3 * SIZE.area()];
+            return Ok(Next::Frame);
+        }
+        self.world.next(into)
+    }
+}
+
+fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, SourceError> {
+    let name = Path::new(uri).file_name().expect("a name").to_string_lossy().into_owned();
+    Ok(Box::new(Clip { name, world: world(), given: 0 }))
+}
+
+/// A folder with these folders, in each of them these files.
+fn folder(clips: &[(&str, &[&str])]) -> TempDir {
+    let root = tempfile::tempdir().expect("a folder");
+    for (clip, files) in clips {
+        fs::create_dir(root.path().join(clip)).expect("a folder");
+        files.iter().for_each(|file| fs::write(root.path().join(clip).join(file), "").expect("a file"));
+    }
+    root
+}
+
+fn clips(root: &TempDir) -> Clips {
+    Clips::open(root.path(), open).expect("clips")
+}
+
+/// The records of the first trials, or the error without the folder of the clips.
+fn judge(protocol: &dyn Protocol, root: &TempDir) -> Result<Vec<TrialRecord>, String> {
+    let ours: [&'static Entry; 1] = [named("ours").expect("there is one")];
+    let numbers: Vec<u64> = (0..protocol.trials_count()).collect();
+    let mut all = Vec::new();
+    let ran = run(protocol, &ours, &numbers, 1, &|| false, &mut |records| {
+        all.extend(records);
+        Ok(())
+    });
+    match ran {
+        Ok(()) => Ok(all),
+        Err(error) => Err(error.to_string().replace(&format!("{}/", root.path().display()), "")),
+    }
+}
+
+fn wriggles(of: &[(&str, &[&str])]) -> Result<Vec<TrialRecord>, String> {
+    let root = folder(of);
+    judge(&Wriggles::new(clips(&root), world().sensor()), &root)
+}
+
+fn lifts(of: &[(&str, &[&str])]) -> Result<Vec<TrialRecord>, String> {
+    let root = folder(of);
+    judge(&Lifts::new(clips(&root), world().sensor(), false), &root)
+}
+
+#[test]
+fn a_grasp_of_which_no_finger_can_be_judged_is_refused_by_name() {
+    let of = |videos: &[&str]| wriggles(&[("a", videos)]).expect_err("nothing to judge");
+    assert_eq!(of(&["notes.txt"]), "wriggles, trial 0, a: a: expected a video of each finger, *.avi, got none");
+    let none = "wriggles, trial 0, a: a: expected a finger that can be judged, got none: ";
+    let torn = "torn.avi: expected a whole frame, got none (25 torn)";
+    assert_eq!(of(&["torn.avi"]), format!("{none}{torn}"));
+    let both = of(&["dark.avi", "torn.avi"]);
+    assert!(both.starts_with(&format!("{none}dark.avi: no rest frame among the first 20 frames (20")), "{both}");
+    assert!(both.ends_with(torn), "{both}");
+}
+
+#[test]
+fn an_error_names_the_grasp_that_is_bad_not_the_first_one() {
+    let error = wriggles(&[("a", &["left.avi"]), ("b", &[])]).expect_err("no video");
+    let wanted = "wriggles, trial 0, a: the window is that of the shortest grasp: b: expected a video";
+    assert!(error.starts_with(wanted), "{error}");
+}
+
+#[test]
+fn a_finger_that_cannot_be_judged_leaves_the_other_and_its_window() {
+    let alone = wriggles(&[("a", &["left.avi"])]).expect("a grasp");
+    let beside = wriggles(&[("a", &["dark.avi", "left.avi"])]).expect("a grasp");
+    assert!(alone[0].number_of("window_frames").is_some_and(|count| count > 0.0), "{alone:?}");
+    assert_eq!(alone[0].number_of("unjudged_videos"), None);
+    assert_eq!(beside[0].number_of("unjudged_videos"), Some(1.0));
+    assert_eq!(TrialRecord { more: alone[0].more.clone(), ..beside[0].clone() }, alone[0]);
+    assert_eq!(beside[0].number_of("window_frames"), alone[0].number_of("window_frames"));
+
+    let root = folder(&[]);
+    fs::create_dir(root.path().join("a")).expect("a folder");
+    let note = &Wriggles::new(clips(&root), world().sensor()).tables(&beside)[0].note;
+    assert!(note.ends_with("Grasps with a video that could not be judged, by the other finger alone: 1."), "{note}");
+}
+
+#[test]
+fn a_lift_without_a_frame_to_score_is_refused_by_name() {
+    let of = |name: &str| lifts(&[("a", &[]), (name, &[])]).expect_err("nothing to judge");
+    let dark = of("dark");
+    assert!(dark.starts_with("lifts, trial 1, dark: dark: unusable as rest frame: dark frame"), "{dark}");
+    assert_eq!(of("torn"), "lifts, trial 1, torn: torn: expected a whole frame, got none (25 torn)");
+    assert_eq!(
+        of("short"),
+        "lifts, trial 1, short: short: expected frames from number 5 on that can be judged, got none among 3 frames"
+    );
+    assert_eq!(lifts(&[("a", &[])]).expect("a clip").len(), 1);
+}
