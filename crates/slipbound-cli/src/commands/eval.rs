@@ -277,7 +277,7 @@ impl Eval {
         folder.write("table.md", table::markdown(folder.sweep(), &tables).as_bytes())?;
         folder.write("table.json", (json + "\n").as_bytes())?;
         let pictures = pictures::of_worst(protocol, folder.records(), self.pictures)?;
-        let page = page::of(folder.sweep(), folder.records(), &tables, pictures);
+        let page = page::of(folder.sweep(), folder.records(), &tables, pictures, self.pictures);
         folder.write("report.html", page.to_string().as_bytes())?;
         let mut terminal = Terminal::plain();
         for table in tables.iter().take(1) {

@@ -1,5 +1,6 @@
 //! report.html: curves, histograms, tables, the worst failures.
 
+use super::pictures::{self, Failed};
 use slipbound_lab::eval::coverage;
 use slipbound_lab::eval::outcome::{Outcome, SCORE_BELOW, never_slides};
 use slipbound_lab::eval::{Sweep, Table, TrialRecord, auc, roc};
@@ -12,8 +13,14 @@ const BINS_COUNT: usize = 40;
 /// Largest lead that the histogram shows, ms.
 const MOST_LEAD_MS: f64 = 1500.0;
 
-/// The page of a sweep.
-pub fn of(sweep: &Sweep, records: &[TrialRecord], tables: &[Table], pictures: Vec<Figure>) -> HtmlPage {
+/// The page of a sweep. `pictures_most`: how many pictures were asked for.
+pub fn of(
+    sweep: &Sweep,
+    records: &[TrialRecord],
+    tables: &[Table],
+    pictures: Vec<Figure>,
+    pictures_most: usize,
+) -> HtmlPage {
     let settings: String = sweep.settings.iter().map(|(key, value)| format!(", {key} {value}")).collect();
     let mut parts = Vec::new();
     let detectors_count = detectors(records).count().max(1);
@@ -39,7 +46,7 @@ pub fn of(sweep: &Sweep, records: &[TrialRecord], tables: &[Table], pictures: Ve
     }
     parts.push(Part::Heading("Worst failures of ours".into()));
     match pictures.is_empty() {
-        true => parts.push(Part::Text("None.".into())),
+        true => parts.extend(failures(&sweep.protocol, records, pictures_most)),
         false => parts.push(Part::Figures(pictures)),
     }
     let lines = records.len() / detectors_count;
@@ -52,6 +59,28 @@ pub fn of(sweep: &Sweep, records: &[TrialRecord], tables: &[Table], pictures: Ve
         ),
         parts,
     }
+}
+
+/// The failures of ours by name, where there are no pictures of them.
+fn failures(protocol: &str, records: &[TrialRecord], pictures_most: usize) -> Vec<Part> {
+    let failed = match pictures::all(records) {
+        None => return vec![Part::Text("Not judged: `ours` is not among the detectors.".into())],
+        Some(none) if none.is_empty() => return vec![Part::Text("None.".into())],
+        Some(failed) => failed,
+    };
+    let why = match pictures_most {
+        0 => "no pictures were asked for (--pictures 0)".to_owned(),
+        _ => format!("{protocol} draws no pictures of these"),
+    };
+    let columns = ["trial", "object", "what", "score"].map(str::to_owned).to_vec();
+    let row = |failed: &Failed<'_>| {
+        let record = failed.record;
+        vec![record.trial.clone(), record.object.clone(), failed.what.into(), format!("{:.2}", record.score)]
+    };
+    vec![
+        Part::Text(format!("{} of ours, the worst first; {why}.", failed.len())),
+        Part::Table(columns, failed.iter().map(row).collect()),
+    ]
 }
 
 /// The detectors that have records, with the numbers of their colours.
@@ -157,6 +186,46 @@ fn histogram(records: &[TrialRecord], key: &str, title: &str, x_label: &str, mos
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The part of the page about failures, as text.
+    fn failures_of(records: &[TrialRecord], pictures_most: usize) -> String {
+        let sweep = Sweep {
+            protocol: "lifts".into(),
+            seed: 0,
+            trials_count: 2,
+            software_version: "0".into(),
+            settings: Default::default(),
+        };
+        let page = of(&sweep, records, &[], Vec::new(), pictures_most).to_string();
+        page.split("Worst failures of ours</h2>").nth(1).expect("the heading").to_owned()
+    }
+
+    #[test]
+    fn failures_without_pictures_are_listed_and_none_are_said_only_where_all_is_right() {
+        let record = |trial: &str, truth: bool, verdict: bool| TrialRecord {
+            number: 0,
+            trial: trial.into(),
+            object: "cup".into(),
+            detector: "ours".into(),
+            truth: Some(truth),
+            verdict,
+            score: 0.25,
+            first_alarm_frame: verdict.then_some(7),
+            more: Default::default(),
+        };
+        let right = [record("cup_1", true, true), record("cup_2", false, false)];
+        assert!(failures_of(&right, 6).contains("None."));
+        let wrong = [record("cup_1", true, false), record("cup_2", false, true)];
+        let listed = failures_of(&wrong, 6);
+        assert!(!listed.contains("None.") && listed.contains("lifts draws no pictures"), "{listed}");
+        assert!(listed.contains("<td>cup_1</td><td>cup</td><td>missed</td><td>0.25</td>"), "{listed}");
+        assert!(listed.contains("<td>cup_2</td><td>cup</td><td>false alarm</td>"), "{listed}");
+        assert!(failures_of(&wrong, 0).contains("--pictures 0"));
+        let unlabelled = [TrialRecord { truth: None, ..record("cup_1", true, true) }];
+        assert!(failures_of(&unlabelled, 6).contains("None."));
+        let rival = [TrialRecord { detector: "paper".into(), ..record("cup_1", true, false) }];
+        assert!(failures_of(&rival, 6).contains("Not judged"));
+    }
 
     #[test]
     fn a_page_has_curves_for_those_who_have_records() {

@@ -12,71 +12,66 @@ use slipbound_rig::overlay::Overlay;
 /// The detector whose failures are shown.
 const SHOWN: &str = "ours";
 
-/// A failure, its frame and how bad it is.
-struct Failed<'a> {
-    record: &'a TrialRecord,
-    frame: u64,
-    what: &'static str,
+/// A failure and how bad it is.
+pub struct Failed<'a> {
+    /// The record.
+    pub record: &'a TrialRecord,
+    /// In words.
+    pub what: &'static str,
+    /// The frame that shows it; None where no frame does.
+    frame: Option<u64>,
     badness: f64,
 }
 
-/// The failure of a record; None where there is none, no frame to show, or nothing to fail at.
+/// The failure of a record; None where there is none, or nothing to fail at.
 fn failed(record: &TrialRecord) -> Option<Failed<'_>> {
     if never_slides(record) {
         return None;
     }
-    let gross_frame = record.number_of("gross_frame").map(|frame| frame as u64);
-    match Outcome::of(record) {
+    let before_gross = record.number_of("gross_frame").map(|frame| (frame as u64).saturating_sub(1));
+    let (what, frame, badness) = match Outcome::of(record) {
         // Of missed slips, those with the least evidence first.
-        Some(Outcome::Missed) => Some(Failed {
-            record,
-            frame: gross_frame?.saturating_sub(1),
-            what: "missed: the last frame before gross slip",
-            badness: 3.0 - record.score.min(1.0),
-        }),
-        Some(Outcome::Late) => Some(Failed {
-            record,
-            frame: gross_frame?.saturating_sub(1),
-            what: "late: the last frame before gross slip",
-            badness: 1.5,
-        }),
-        Some(Outcome::False) => Some(Failed {
-            record,
-            frame: record.first_alarm_frame?,
-            what: "false alarm",
-            badness: 1.0 + record.score.min(1e3) * 1e-4,
-        }),
-        Some(_) => None,
-        // Protocols without outcomes, such as hours in which nothing slides.
-        None => {
-            let wrong = record.truth == Some(false) && record.verdict;
-            wrong.then_some(())?;
-            Some(Failed {
-                record,
-                frame: record.first_alarm_frame?,
-                what: "false alarm",
-                badness: record.score.min(1e3),
-            })
-        }
-    }
+        Some(Outcome::Missed) => ("missed", before_gross, 3.0 - record.score.min(1.0)),
+        Some(Outcome::Late) => ("late", before_gross, 1.5),
+        Some(Outcome::False) => ("false alarm", record.first_alarm_frame, 1.0 + record.score.min(1e3) * 1e-4),
+        Some(_) => return None,
+        // Protocols without outcomes, such as hours in which nothing slides, and recorded clips.
+        None => match (record.truth?, record.verdict) {
+            (false, true) => ("false alarm", record.first_alarm_frame, record.score.min(1e3)),
+            (true, false) => ("missed", None, -record.score),
+            _ => return None,
+        },
+    };
+    Some(Failed { record, what, frame, badness })
+}
+
+/// The failures of the detector that is shown, the worst first; None if it has no record.
+pub fn all(records: &[TrialRecord]) -> Option<Vec<Failed<'_>>> {
+    let mut shown = records.iter().filter(|record| record.detector == SHOWN).peekable();
+    shown.peek()?;
+    let mut worst: Vec<Failed<'_>> = shown.filter_map(failed).collect();
+    worst.sort_by(|a, b| b.badness.total_cmp(&a.badness).then(a.record.number.cmp(&b.record.number)));
+    Some(worst)
 }
 
 /// Images of the worst failures, the worst first; as many as can be shown.
 pub fn of_worst(protocol: &dyn Protocol, records: &[TrialRecord], most: usize) -> Result<Vec<Figure>, Failure> {
-    let Ok(entry) = named(SHOWN) else { return Ok(Vec::new()) };
-    let mut worst: Vec<Failed<'_>> =
-        records.iter().filter(|record| record.detector == entry.name).filter_map(failed).collect();
-    worst.sort_by(|a, b| b.badness.total_cmp(&a.badness).then(a.record.number.cmp(&b.record.number)));
+    let (Ok(entry), Some(worst)) = (named(SHOWN), all(records)) else { return Ok(Vec::new()) };
     let mut figures = Vec::new();
-    for failed in worst.iter().take(most) {
+    let with_frame = worst.iter().filter_map(|failed| Some((failed, failed.frame?)));
+    for (failed, shown_frame) in with_frame.take(most) {
         let mut figure: Option<Result<Figure, FigureError>> = None;
         let mut look = |frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor| {
-            if frame.seq != failed.frame || figure.is_some() {
+            if frame.seq != shown_frame || figure.is_some() {
                 return;
             }
             let mut overlay = Overlay::new(monitor.sensor());
             overlay.draw(frame.frame().ok().as_ref(), report, monitor);
-            let title = format!("{}, frame {}: {}", failed.record.object, failed.frame, failed.what);
+            let what = match failed.what {
+                "false alarm" => failed.what.to_owned(),
+                slip => format!("{slip}: the last frame before gross slip"),
+            };
+            let title = format!("{}, frame {shown_frame}: {what}", failed.record.object);
             figure = Some(Figure::new(&title, &failed.record.trial, &overlay.rgb(), overlay.size()));
         };
         let shown = protocol.show(failed.record.number, entry, &mut look);
