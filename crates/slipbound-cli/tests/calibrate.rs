@@ -198,6 +198,26 @@ fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_ref
     assert!(done.status.code() == Some(2) && message.contains("--weight-g 0.3: expected grams that give"), "{message}");
     assert!(message.contains("from 0.0027 to 6.8 N per marker and pitch, got 0.00020") && !path.exists(), "{message}");
 
+    // An older measurement in the finger's own file is replaced, however its header is written.
+    let own = folder.path().join("own.toml");
+    let text = std::fs::read_to_string(folder.path().join("duck/sensor.toml")).expect("a finger");
+    let text = text.replace("[shear]\n", "[ shear ]  # of the data sheet\n");
+    assert!(text.contains("of the data sheet"), "{text}");
+    std::fs::write(&own, text).expect("writes");
+    let onto = |file: &'static str| words("duck", file).map(|word| if word == "stiff.toml" { file } else { word });
+    let done = slipbound(folder.path(), &onto("own.toml"));
+    assert!(done.status.success(), "{done:?}");
+    let again = slipbound_rig::sensors::load(own.to_str().expect("UTF-8")).expect("valid").shear.expect("measured");
+    assert_eq!(again, shear);
+    // A file that would become invalid stays as it is.
+    let text = "extends = \"duck/sensor.toml\"\nshear = { stiffness_n_per_pitch = 1.0, provenance = \"data sheet\" }\n";
+    let inline = folder.path().join("inline.toml");
+    std::fs::write(&inline, text).expect("writes");
+    let done = slipbound(folder.path(), &onto("inline.toml"));
+    let message = String::from_utf8_lossy(&done.stderr);
+    assert!(done.status.code() == Some(1) && message.contains("inline.toml: "), "{message}");
+    assert_eq!(std::fs::read_to_string(&inline).expect("there"), text);
+
     simulate(&format!("{held}&object=water_bottle&camera=gelsight_mini"), "bottle");
     let done = slipbound(folder.path(), &words("bottle", "bottle/sensor.toml"));
     let message = String::from_utf8_lossy(&done.stderr);

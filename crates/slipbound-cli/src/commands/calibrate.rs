@@ -59,8 +59,7 @@ impl Calibrate {
                 if found.sensor.skin == Skin::Smooth { "; a weave looks so, too: --skin fabric" } else { "" }
             ));
         }
-        self.write_output(&calibration::sensor_file(&found))?;
-        let written = sensors::load(&self.output.display().to_string()).map_err(|e| Failure::Work(e.into()))?;
+        let written = self.write_output(&calibration::sensor_file(&found))?;
         debug_assert_eq!(written.image_px, found.sensor.image_px);
         let picture = self.picture();
         calibration::write_grid_picture(&picture, &found).map_err(|e| Failure::Work(e.into()))?;
@@ -145,7 +144,6 @@ impl Calibrate {
             ShearFileError::Read { .. } => Failure::Work(e.into()),
         });
         self.write_output(&text?)?;
-        sensors::load(&self.output.display().to_string()).map_err(|e| Failure::Work(e.into()))?;
         let mut terminal = Terminal::plain();
         terminal.say(&format!("{}: {}", self.source, shear.provenance))?;
         terminal.say(&format!("stiffness {:.4} N per marker and pitch", shear.stiffness_n_per_pitch))?;

@@ -49,7 +49,7 @@ fn without_shear(text: &str) -> String {
     let mut inside = false;
     for line in text.lines() {
         if line.trim_start().starts_with('[') {
-            inside = line.trim() == "[shear]";
+            inside = is_shear_header(line);
             while inside && kept.last().is_some_and(|l| l.starts_with('#')) {
                 kept.pop();
             }
@@ -59,6 +59,15 @@ fn without_shear(text: &str) -> String {
         }
     }
     kept.join("\n")
+}
+
+/// Whether a line is the header of the table `shear`, in any of the forms that TOML has for it.
+fn is_shear_header(line: &str) -> bool {
+    let parts = line.trim().strip_prefix('[').and_then(|rest| rest.split_once(']'));
+    parts.is_some_and(|(name, after)| {
+        let after = after.trim_start();
+        ["shear", "\"shear\"", "'shear'"].contains(&name.trim()) && (after.is_empty() || after.starts_with('#'))
+    })
 }
 
 #[cfg(test)]
@@ -71,6 +80,13 @@ mod tests {
             "name = \"a\"\n\n# Newtons\n[shear]\nstiffness_n_per_pitch = 1.0\nprovenance = \"x\"\n\n[other]\nb = 1\n";
         assert_eq!(without_shear(text), "name = \"a\"\n\n[other]\nb = 1");
         assert_eq!(without_shear("name = \"a\""), "name = \"a\"");
+        for header in ["[shear]  # by [me]", "[ shear ]", "  [shear]\t", "[\"shear\"]", "['shear'] #"] {
+            let text = format!("name = \"a\"\n{header}\nstiffness_n_per_pitch = 1.0\n[[other]]\nb = 1\n");
+            assert_eq!(without_shear(&text), "name = \"a\"\n[[other]]\nb = 1", "{header}");
+        }
+        for header in ["[shears]", "[[shear]]", "[shear.more]", "[shear] x"] {
+            assert!(!is_shear_header(header), "{header}");
+        }
     }
 
     #[test]

@@ -8,9 +8,11 @@
 
 use super::error::Error;
 use super::layer::{Layer, file_of_key, typed};
+use crate::replaced_file::ReplacedFile;
 use slipbound::image::SizePx;
 use slipbound::sensor::Sensor;
 use slipbound::setting::nearest;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
@@ -31,6 +33,41 @@ pub fn load(name_or_file: &str) -> Result<Sensor, Error> {
 /// working directory.
 pub fn parse(text: &str, what: &str) -> Result<Sensor, Error> {
     checked(&extended(Layer::parse(what.to_owned(), text)?, Vec::new(), PathBuf::new())?)
+}
+
+/// A finger from the text that is to be written to a file: as [`load`] would read it there.
+pub fn parse_for(text: &str, path: &Path) -> Result<Sensor, Error> {
+    let place = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+    checked(&extended(Layer::parse(path.display().to_string(), text)?, vec![place], folder)?)
+}
+
+/// Writes the text of a sensor file if it is a valid one; otherwise, and on any failure, an existing file stays as it
+/// is.
+pub fn write(text: &str, path: &Path) -> Result<Sensor, WriteError> {
+    let sensor = parse_for(text, path)?;
+    let written = ReplacedFile::create(path).and_then(|mut file| {
+        file.file().write_all(text.as_bytes())?;
+        file.keep()
+    });
+    written.map_err(|source| WriteError::Write { path: path.to_owned(), source })?;
+    Ok(sensor)
+}
+
+/// Why a sensor file is not written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// The text is no valid sensor file.
+    #[error(transparent)]
+    Invalid(#[from] Error),
+    /// The file cannot be written.
+    #[error("{}: cannot write: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
 }
 
 /// The text of a sensor file with all facts in it, such that [`parse`] gives the same finger.
@@ -192,6 +229,28 @@ mod tests {
         assert_eq!(of_frames(SizePx::new(427, 320)).expect("valid").len(), 2);
         let message = parse("extends = \"gelslim\"\npich_px = 15\n", "a text").expect_err("refused").to_string();
         assert!(message.starts_with("a text: unknown key `pich_px`"), "{message}");
+    }
+
+    #[test]
+    fn only_a_valid_text_replaces_a_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("mine.toml");
+        fs::write(folder.path().join("base.toml"), "extends = \"gelslim\"\npitch_mm = 1.4\n").expect("writes");
+        let text = "extends = \"base.toml\"\nserial = \"7\"\n";
+        let sensor = write(text, &path).expect("valid");
+        assert_eq!((sensor.serial.as_deref(), sensor.pitch_mm), (Some("7"), Some(1.4)), "beside the file");
+        for (bad, said) in [
+            ("extends = \"base.toml\"\npich_px = 15\n", "mine.toml: unknown key `pich_px`"),
+            ("[shear]\n[shear]\n", "mine.toml"),
+            ("extends = \"mine.toml\"\n", "lead back"),
+        ] {
+            let message = write(bad, &path).expect_err("refused").to_string();
+            assert!(message.contains(said), "{message}");
+            assert_eq!(fs::read_to_string(&path).expect("there"), text);
+        }
+        let nowhere = folder.path().join("no/mine.toml");
+        let message = write("extends = \"gelslim\"\n", &nowhere).expect_err("no folder").to_string();
+        assert!(message.contains("no/mine.toml: cannot write: "), "{message}");
     }
 
     #[test]

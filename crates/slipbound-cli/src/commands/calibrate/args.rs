@@ -3,7 +3,8 @@
 use crate::outcome::Failure;
 use anyhow::anyhow;
 use slipbound::calibrate::KnownFacts;
-use slipbound::sensor::{Flip, Polarity, Skin};
+use slipbound::sensor::{Flip, Polarity, Sensor, Skin};
+use slipbound_rig::sensors;
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -153,9 +154,9 @@ impl Calibrate {
         }
     }
 
-    /// Writes the sensor file.
-    pub(super) fn write_output(&self, text: &str) -> Result<(), Failure> {
-        fs::write(&self.output, text).map_err(|e| Failure::work(format!("{}: cannot write", self.output.display()), e))
+    /// Writes the sensor file, if the text is a valid one; an older file stays otherwise.
+    pub(super) fn write_output(&self, text: &str) -> Result<Sensor, Failure> {
+        sensors::write(text, &self.output).map_err(|e| Failure::Work(e.into()))
     }
 }
 
