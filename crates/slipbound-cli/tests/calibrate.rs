@@ -159,6 +159,31 @@ fn a_picture_that_is_there_stays() {
     assert!(std::fs::read(&photo).expect("there").starts_with(b"\x89PNG"));
 }
 
+/// The sensor file goes where `watch` finds it, into the folder of the frames; the image with the grid is no frame.
+#[test]
+fn a_sensor_file_in_the_folder_of_its_frames_adds_no_frame() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let done = slipbound(folder.path(), &["simulate", "twist?grid=fast", "--seed", "3", "-o", "run"]);
+    assert!(done.status.success(), "{done:?}");
+    let frames = || slipbound_rig::source::image_files(&folder.path().join("run").display().to_string());
+    let before = frames();
+    for (source, output) in
+        [("run", "run/sensor.toml"), ("run/*.jpg", "run/other.toml"), ("run", "./run/../run/x.toml")]
+    {
+        let words = ["calibrate", source, "-o", output, "--flip", "vertical", "--skin", "fabric", "--force"];
+        let done = slipbound(folder.path(), &words);
+        assert!(done.status.success(), "{done:?}");
+        let told = String::from_utf8_lossy(&done.stdout);
+        let name = Path::new(output).with_extension("png");
+        let picture = Path::new(output).with_file_name("calibration").join(name.file_name().expect("a name"));
+        assert!(told.contains(&format!("and {}", picture.display())), "{told}");
+        assert!(folder.path().join(picture).is_file() && folder.path().join(output).is_file());
+        assert_eq!(frames(), before, "{output}");
+    }
+    let done = slipbound(folder.path(), &["calibrate", "run", "-o", "run/sensor.toml"]);
+    assert_eq!(done.status.code(), Some(2), "a sensor file that is there: {done:?}");
+}
+
 /// Two simulated fingers hold 300 g that first stand and then hang. The result is the stiffness of the simulated gel,
 /// shear modulus over thickness, to 15 %: markers under a pressed weave are not all found.
 #[test]

@@ -15,6 +15,7 @@ use slipbound::sensor::{Polarity, Skin};
 use slipbound_rig::calibration::{self, HangingMass, HangingMassError, MeasuredShear, ShearFileError};
 use slipbound_rig::sensors;
 use slipbound_rig::source::{ReadAhead, most_common_size};
+use std::fs;
 use std::path::Path;
 
 /// Heaviest mass that makes sense on a fingertip, g.
@@ -62,6 +63,9 @@ impl Calibrate {
         let written = self.write_output(&calibration::sensor_file(&found))?;
         debug_assert_eq!(written.image_px, found.sensor.image_px);
         let picture = self.picture();
+        if let Some(folder) = picture.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            fs::create_dir_all(folder).map_err(|e| Failure::work(format!("{}: cannot write", folder.display()), e))?;
+        }
         calibration::write_grid_picture(&picture, &found).map_err(|e| Failure::Work(e.into()))?;
         self.print(&mut terminal, &found, [from, to])?;
         Ok(if torn_count > 0 { Outcome::DataLost } else { Outcome::Done })

@@ -5,6 +5,7 @@ use anyhow::anyhow;
 use slipbound::calibrate::KnownFacts;
 use slipbound::sensor::{Flip, Polarity, Sensor, Skin};
 use slipbound_rig::sensors;
+use slipbound_rig::source::image_files;
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -16,7 +17,8 @@ pub struct Calibrate {
     /// With --weight-g: a recording that begins untouched, then holds the mass while it stands, and ends with the mass
     /// hanging still
     pub(super) source: String,
-    /// The sensor file to write; a picture with the grid drawn in goes beside it
+    /// The sensor file to write; a picture with the grid drawn in goes beside it, or, if the frames of SOURCE are there, into
+    /// a folder `calibration` beside it
     #[arg(short, long, value_name = "FILE.toml", value_parser = toml_name)]
     pub(super) output: PathBuf,
     /// Overwrite a sensor file or a picture that is there
@@ -126,9 +128,19 @@ impl Calibrate {
         }
     }
 
-    /// The picture with the grid drawn in.
+    /// The picture with the grid drawn in: beside the sensor file, or in a folder there named `calibration` where it
+    /// would be read as a frame of the source.
     pub(super) fn picture(&self) -> PathBuf {
-        self.output.with_extension("png")
+        let beside = self.output.with_extension("png");
+        let folder = |path: &Path| {
+            let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            fs::canonicalize(parent).ok()
+        };
+        let is_among = |frame: &PathBuf| folder(frame).is_some_and(|of_frame| folder(&beside) == Some(of_frame));
+        match !Path::new(&self.source).is_file() && image_files(&self.source).iter().any(is_among) {
+            true => self.output.with_file_name("calibration").join(beside.file_name().unwrap_or_default()),
+            false => beside,
+        }
     }
 
     /// Neither the file nor the picture may fall on the source; either stays where it is there, for somebody may have edited
