@@ -157,6 +157,14 @@ fn is_pipe(_there: &fs::Metadata) -> bool {
     false
 }
 
+/// Whether `open` gives the same frames a second time: not those of a camera, of standard input, a pipe or a device.
+pub fn is_repeatable(uri: &str) -> bool {
+    if is_live(uri) || uri == ffmpeg::STDIN {
+        return false;
+    }
+    fs::metadata(uri).map_or(true, |there| there.is_file() || there.is_dir())
+}
+
 /// The image files that `open` would read, in their order; none where it would read a video.
 pub fn image_files(uri: &str) -> Vec<PathBuf> {
     folder::image_files(uri)

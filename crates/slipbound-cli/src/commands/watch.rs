@@ -112,6 +112,7 @@ impl Watch {
         }
         overwriting::refuse_endings(self)?;
         overwriting::refuse(self)?;
+        rest::refuse_second_reading(self)?;
         let fingers = [self.finger.clone()];
         let recorder = self.record.as_deref().map(|path| Recorder::create(path, &fingers, true)).transpose()?;
         let (mut recording, camera) = recording::open_watched(&self.source, recorder.as_ref())?;

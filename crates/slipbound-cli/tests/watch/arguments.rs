@@ -97,6 +97,30 @@ fn rest_may_be_named() {
 }
 
 #[test]
+fn frames_of_a_source_that_can_be_read_only_once_are_no_rest_frame() {
+    let trial = Trial::new(3);
+    let outputs = ["--json", "report.json", "--record", "run.mcap", "--overlay", "drawn"];
+    let refused = |sources: &[&str], got: &str| {
+        let arguments = [&["watch"], sources, &["--rest", "0..2", "--sensor", "gelslim"], &outputs].concat();
+        let mut command = trial.command(&arguments);
+        let ended = Ended::of(command.stdin(std::process::Stdio::null()).output().expect("runs"));
+        let expected = "--rest 0..2: expected a recording that can be read twice, got ";
+        ended.expect(2, &[&format!("{expected}{got}; use --rest live:N")]);
+        let written = ["report.json", "run.mcap", "drawn"].map(|name| trial.path(name).exists());
+        assert_eq!(written, [false; 3], "{sources:?}");
+    };
+    refused(&["-"], "standard input");
+    refused(&["http://127.0.0.1:9/"], "the camera http://127.0.0.1:9/");
+    #[cfg(unix)]
+    {
+        let made = std::process::Command::new("mkfifo").arg(trial.path("pipe")).status().expect("runs");
+        assert!(made.success());
+        refused(&["pipe"], "pipe, a pipe or a device");
+        refused(&["run", "pipe"], "pipe, a pipe or a device");
+    }
+}
+
+#[test]
 fn the_finger_is_taken_by_frame_size_only_when_there_is_no_doubt() {
     let trial = Trial::new(0);
     let watch = |width: usize, height: usize| {

@@ -36,6 +36,7 @@ impl Watch {
         // Checked before the first of them is written to.
         for clip in &clips {
             super::overwriting::refuse_endings(clip)?;
+            super::rest::refuse_second_reading(clip)?;
         }
         self.make_folders(&clips)?;
         let quiet = Quiet { interrupted: interruption::listen()? };

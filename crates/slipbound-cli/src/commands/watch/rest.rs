@@ -161,6 +161,21 @@ fn image(path: &Path) -> Result<Vec<FrameBuffer>, Failure> {
     }
 }
 
+/// Refuses frames of a source that cannot be opened a second time, without opening it.
+pub fn refuse_second_reading(args: &Watch) -> Result<(), Failure> {
+    let Some(argument @ RestArgument::Frames(_)) = &args.rest else { return Ok(()) };
+    if source::is_repeatable(&args.source) {
+        return Ok(());
+    }
+    let got = match args.source.as_str() {
+        "-" => "standard input".to_owned(),
+        uri if source::is_live(uri) => format!("the camera {uri}"),
+        uri => format!("{uri}, a pipe or a device"),
+    };
+    let expected = "expected a recording that can be read twice";
+    Err(Failure::Arguments(anyhow!("{argument}: {expected}, got {got}; use --rest live:N, its first N frames")))
+}
+
 /// Frames of the source, opened a second time. Torn ones are skipped.
 fn frames(source: &str, range: &Range<u64>) -> Result<Vec<FrameBuffer>, Failure> {
     let mut recording = recording::open(source)?;
