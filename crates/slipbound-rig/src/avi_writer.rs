@@ -9,7 +9,7 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// Lengths in a RIFF file have 32 bits; half of that is safe in every player.
-const MAX_BYTES: u64 = 2_000_000_000;
+pub const MAX_BYTES: u64 = 2_000_000_000;
 /// Placeholder for a length that is not known yet.
 const UNKNOWN: u32 = u32::MAX;
 /// avih: the file has an index.
@@ -39,11 +39,13 @@ pub enum Error {
         /// Its reason.
         source: io::Error,
     },
-    /// AVI files end at 2 GB.
-    #[error("{}: expected at most {MAX_BYTES} bytes, got {bytes_count}; write pictures into a folder instead", path.display())]
+    /// AVI files end at 2 GB. What was written before can still be finished.
+    #[error("{}: expected at most {most_bytes} bytes, got {bytes_count}; write pictures into a folder instead", path.display())]
     TooLong {
         /// The file.
         path: PathBuf,
+        /// Its greatest length.
+        most_bytes: u64,
         /// Its length with the frame that does not fit.
         bytes_count: u64,
     },
@@ -55,6 +57,7 @@ pub struct AviWriter {
     path: PathBuf,
     to: BufWriter<File>,
     at: u64,
+    most_bytes: u64,
     /// Offset from the list's name and length of each frame.
     index: Vec<(u32, u32)>,
     finished: bool,
@@ -67,15 +70,24 @@ impl AviWriter {
         let mut to = BufWriter::new(File::create(path).map_err(failed)?);
         let header = header(size, rate_hz);
         to.write_all(&header).and_then(|()| to.flush()).map_err(failed)?;
-        Ok(AviWriter { path: path.to_owned(), to, at: header.len() as u64, index: Vec::new(), finished: false })
+        let at = header.len() as u64;
+        Ok(AviWriter { path: path.to_owned(), to, at, most_bytes: MAX_BYTES, index: Vec::new(), finished: false })
+    }
+
+    /// The same with a lower limit of its length than [`MAX_BYTES`].
+    #[must_use]
+    pub fn with_most_bytes(mut self, most_bytes: u64) -> Self {
+        self.most_bytes = most_bytes.min(MAX_BYTES);
+        self
     }
 
     /// Appends an image: a whole JPEG of the size given to [`AviWriter::create`].
     pub fn push(&mut self, jpeg: &[u8]) -> Result<(), Error> {
         let padded = jpeg.len().next_multiple_of(2) as u64;
-        let bytes_count = self.at + 8 + padded + 16 * (self.index.len() as u64 + 1);
-        if bytes_count > MAX_BYTES {
-            return Err(Error::TooLong { path: self.path.clone(), bytes_count });
+        let index_bytes = 8 + 16 * (self.index.len() as u64 + 1);
+        let bytes_count = self.at + 8 + padded + index_bytes;
+        if bytes_count > self.most_bytes {
+            return Err(Error::TooLong { path: self.path.clone(), most_bytes: self.most_bytes, bytes_count });
         }
         self.index.push(((self.at - MOVI_AT) as u32, jpeg.len() as u32));
         self.write(b"00dc")?;

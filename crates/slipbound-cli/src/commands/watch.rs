@@ -165,6 +165,7 @@ impl Watch {
             let _ = recorder.map(Recorder::finish); // nobody is left to report to
             return Err(Failure::ReaderLeft);
         }
+        let overlay_ended = outputs.overlay_ended();
         let closed = outputs.close(&summary);
         let lines = if quiet.is_some() { Vec::new() } else { summary.lines() };
         for line in lines {
@@ -183,8 +184,8 @@ impl Watch {
         }
         // A torn frame that was replaced by a newer one is lost all the same.
         let torn_count = summary.torn_count() + camera.map_or(0, |camera| camera.tally.counts().torn_count);
-        let outcome = if !is_lossless? || torn_count > 0 { Outcome::DataLost } else { Outcome::Done };
-        Ok(Ended { outcome, summary, first_slip })
+        let is_whole = is_lossless? && torn_count == 0 && !overlay_ended;
+        Ok(Ended { outcome: if is_whole { Outcome::Done } else { Outcome::DataLost }, summary, first_slip })
     }
 
     /// Adds to a recording what is needed to judge it again anywhere.
@@ -248,12 +249,62 @@ impl Watch {
                     return event.map_or(Ok(()), |event| progress.event(&event, outputs, &buffer, monitor.monitor()));
                 }
             };
-            outputs.write(&buffer, &report, monitor.monitor())?;
+            let note = outputs.write(&buffer, &report, monitor.monitor())?;
+            note.iter().for_each(|note| progress.terminal.note(note));
             progress.summary.see(&report, &buffer, torn_why.as_deref());
             for event in events.see(&report) {
                 progress.event(&event, outputs, &buffer, monitor.monitor())?;
             }
             progress.terminal.advance();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+    use slipbound_rig::source;
+    use std::fs;
+    use std::path::Path;
+
+    #[derive(Debug, Parser)]
+    struct Arguments {
+        #[command(flatten)]
+        watch: Watch,
+    }
+
+    /// Whole frames of a recording, which has no torn one.
+    fn frames_count(path: &Path) -> usize {
+        let (mut recording, mut buffer) =
+            (source::open(&path.display().to_string()).expect("opens"), Default::default());
+        let mut count = 0;
+        loop {
+            match recording.next(&mut buffer).expect("reads") {
+                Next::Frame => count += 1,
+                Next::End => return count,
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn a_full_overlay_video_ends_neither_the_judging_nor_the_recording() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [video, report, table, recorded] =
+            ["drawn.avi", "run.jsonl", "run.csv", "run.mcap"].map(|name| folder.path().join(name));
+        let named = [("--overlay", &video), ("--json", &report), ("--csv", &table), ("--record", &recorded)];
+        let outputs = named.iter().flat_map(|(option, path)| [(*option).to_owned(), path.display().to_string()]);
+        let scene = "sim:press?camera=gelsight_mini&grid=fast&hold_s=0.2";
+        let words = ["watch".to_owned(), scene.to_owned()].into_iter().chain(outputs);
+        let Arguments { watch } = Arguments::try_parse_from(words).expect("valid");
+        let watch = Watch { overlay_most_bytes: Some(400_000), ..watch };
+        assert_eq!(watch.run().expect("ends"), Outcome::DataLost);
+        let lines_count = |path: &Path| fs::read_to_string(path).expect("there").lines().count();
+        let judged_count = lines_count(&report) - 1;
+        let drawn_count = frames_count(&video);
+        assert!(drawn_count > 0 && drawn_count < judged_count, "{drawn_count} of {judged_count}");
+        assert!(fs::metadata(&video).expect("there").len() <= 400_000);
+        assert_eq!((lines_count(&table) - 1, frames_count(&recorded)), (judged_count, judged_count));
     }
 }

@@ -61,7 +61,13 @@ impl OverlayWriter {
         Ok(OverlayWriter { path: to.to_owned(), video, jpeg: Vec::new() })
     }
 
-    /// Writes the image drawn last for frame `seq`.
+    /// The same with a lower limit of a video's length than [`avi_writer::MAX_BYTES`].
+    #[must_use]
+    pub fn with_most_bytes(self, most_bytes: u64) -> Self {
+        OverlayWriter { video: self.video.map(|video| video.with_most_bytes(most_bytes)), ..self }
+    }
+
+    /// Writes the image drawn last for frame `seq`. After [`avi_writer::Error::TooLong`] the video can still be finished.
     pub fn push(&mut self, overlay: &Overlay, seq: u64) -> Result<(), Error> {
         let (rgb, size) = (overlay.rgb(), overlay.size());
         let Some(video) = &mut self.video else {

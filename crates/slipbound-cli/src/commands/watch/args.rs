@@ -43,6 +43,9 @@ pub struct Watch {
     /// Draw every frame with what was found on it: PNG pictures in a folder, or a video
     #[arg(long, value_name = "FOLDER|FILE.avi")]
     pub(super) overlay: Option<PathBuf>,
+    /// Greatest length of such a video instead of the writer's own: for tests.
+    #[arg(skip)]
+    pub(super) overlay_most_bytes: Option<u64>,
     /// Settings that replace the defaults; `paper` stands for the paper as written
     #[arg(long, value_name = "FILE.toml|paper")]
     pub(super) settings: Option<String>,

@@ -5,6 +5,7 @@ use crate::outcome::Failure;
 use slipbound::events::SlipEvent;
 use slipbound::monitor::{Reason, SlipMonitor, SlipReport};
 use slipbound::port::{Clock, FrameBuffer};
+use slipbound_rig::avi_writer;
 use slipbound_rig::container::{McapAnnotations, Recorder, ReportLines};
 use slipbound_rig::line_file::LineFile;
 use slipbound_rig::overlay::{self, Overlay, OverlayWriter};
@@ -41,6 +42,7 @@ pub struct Outputs {
     slips: Option<(PathBuf, ReportSlips<LineFile>)>,
     page: Option<(PathBuf, RecordingPage)>,
     overlay: Option<(Overlay, OverlayWriter)>,
+    overlay_ended: bool,
     timings: Option<Timings>,
 }
 
@@ -110,7 +112,7 @@ impl Outputs {
             Some(to) => {
                 let overlay = Overlay::new(monitor.sensor());
                 let writer = OverlayWriter::create(to, &overlay, origin.rate_hz).map_err(cannot_draw)?;
-                Some((overlay, writer))
+                Some((overlay, args.overlay_most_bytes.into_iter().fold(writer, OverlayWriter::with_most_bytes)))
             }
         };
         let timings = match &args.timings {
@@ -118,11 +120,32 @@ impl Outputs {
             Some(path) => Some(Timings::create(path).map_err(|e| cannot_write(path, e))?),
         };
         let finger = args.finger.clone();
-        Ok(Outputs { stopwatch: Stopwatch::new(), json, csv, recorded, finger, slips, page, overlay, timings })
+        Ok(Outputs {
+            stopwatch: Stopwatch::new(),
+            json,
+            csv,
+            recorded,
+            finger,
+            slips,
+            page,
+            overlay,
+            overlay_ended: false,
+            timings,
+        })
     }
 
-    /// Writes the report of a frame.
-    pub fn write(&mut self, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) -> Result<(), Failure> {
+    /// Whether the overlay ended before the recording.
+    pub fn overlay_ended(&self) -> bool {
+        self.overlay_ended
+    }
+
+    /// Writes the report of a frame. Returns what the user should know about an output that ends with it.
+    pub fn write(
+        &mut self,
+        frame: &FrameBuffer,
+        report: &SlipReport,
+        monitor: &SlipMonitor,
+    ) -> Result<Option<String>, Failure> {
         if let Some(timings) = &mut self.timings {
             let written = timings.write(report, &self.stopwatch);
             written.map_err(|e| cannot_write(timings.path(), e))?;
@@ -146,12 +169,32 @@ impl Outputs {
         if let Some((_, page)) = &mut self.page {
             page.see(report);
         }
-        if let Some((overlay, writer)) = &mut self.overlay {
-            let whole = frame.frame().ok().filter(|_| report.reason != Some(Reason::Torn));
-            overlay.draw(whole.as_ref(), report, monitor);
-            writer.push(overlay, report.seq).map_err(cannot_draw)?;
+        self.draw(frame, report, monitor)
+    }
+
+    /// Draws a frame. A video that is full is finished, and the rest of the recording goes on without it: it can be
+    /// drawn again, a camera cannot.
+    fn draw(
+        &mut self,
+        frame: &FrameBuffer,
+        report: &SlipReport,
+        monitor: &SlipMonitor,
+    ) -> Result<Option<String>, Failure> {
+        let Some((overlay, writer)) = &mut self.overlay else { return Ok(None) };
+        let whole = frame.frame().ok().filter(|_| report.reason != Some(Reason::Torn));
+        overlay.draw(whole.as_ref(), report, monitor);
+        match writer.push(overlay, report.seq) {
+            Ok(()) => Ok(None),
+            Err(overlay::Error::Avi(avi_writer::Error::TooLong { path, most_bytes, .. })) => {
+                self.overlay_ended = true;
+                self.overlay.take().map_or(Ok(()), |(_, writer)| writer.finish()).map_err(cannot_draw)?;
+                let (path, seq) = (path.display(), report.seq);
+                let full = format!("the video is full, {most_bytes} bytes");
+                let advice = "--overlay FOLDER draws pictures without a limit";
+                Ok(Some(format!("{path}: {full}: it ends before frame {seq}, all else goes on ({advice})")))
+            }
+            Err(other) => Err(cannot_draw(other)),
         }
-        Ok(())
     }
 
     /// An event of the frame written last, in words.
