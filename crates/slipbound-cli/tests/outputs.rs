@@ -221,6 +221,11 @@ fn a_source_that_is_refused_costs_no_recording() {
         assert_eq!(done.status.code(), Some(2), "{}", printed(&done));
         assert!(bytes() == before, "what was there is lost: {}", printed(&done));
     }
+    // The frames in it may exist nowhere else.
+    let done = slipbound(folder.path(), &["watch", "clip", "--record", "r.mcap"]);
+    let told = printed(&done);
+    assert!(done.status.code() == Some(2) && bytes() == before, "{told}");
+    assert!(told.contains("--record: expected a new file, got ") && told.contains("a recording (--force"), "{told}");
     assert!(watch("clip").status.success() && bytes() != before, "and it is replaced by what is recorded");
 }
 

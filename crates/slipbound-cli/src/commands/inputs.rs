@@ -53,6 +53,25 @@ pub fn refuse_foreign(option: &str, file: &Path) -> Result<(), Failure> {
     }
 }
 
+/// Refuses an existing recording, whichever program wrote it: its frames may exist nowhere else.
+pub fn refuse_recorded(option: &str, path: &Path) -> Result<(), Failure> {
+    match start(path).is_some_and(|start| start == MCAP) {
+        false => Ok(()),
+        true => {
+            let path = path.display();
+            let expected = "expected a new file";
+            Err(Failure::Arguments(anyhow!("{option}: {expected}, got {path}, a recording (--force overwrites it)")))
+        }
+    }
+}
+
+/// As many bytes of a file as an MCAP file begins with; None if it cannot be read.
+fn start(path: &Path) -> Option<Vec<u8>> {
+    let mut start = Vec::new();
+    File::open(path).and_then(|file| file.take(MCAP.len() as u64).read_to_end(&mut start)).ok()?;
+    Some(start)
+}
+
 /// Refuses a recording whose name no reader would recognise: sources are recognised by their ending; pipes and devices
 /// have none.
 pub fn refuse_ending(option: &str, path: &Path) -> Result<(), Failure> {
@@ -86,9 +105,8 @@ pub fn refuse_recording(
     if is_read || others.iter().flatten().any(|other| is_same(path, other)) {
         return Err(Failure::Arguments(anyhow!("{option} {shown}: expected a place of its own, got one that is read")));
     }
-    let mut start = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(MCAP.len() as u64).read_to_end(&mut start));
-    match read.is_ok() && (start.is_empty() || start == MCAP) {
+    let start = start(path);
+    match start.is_some_and(|start| start.is_empty() || start == MCAP) {
         true => refuse_ending(option, path),
         false => Err(Failure::Arguments(anyhow!("{option}: expected a new file or a recording, got {shown}"))),
     }

@@ -52,7 +52,7 @@ pub struct Watch {
     /// Write how many microseconds each step took, one JSON object a line
     #[arg(long, value_name = "FILE")]
     pub(super) timings: Option<PathBuf>,
-    /// Overwrite files that this program did not write (never a frame that is read)
+    /// Overwrite a recording, and files that this program did not write (never a frame that is read)
     #[arg(long)]
     pub(super) force: bool,
     /// Record every frame as it comes, with its report: `watch FILE.mcap` judges it again

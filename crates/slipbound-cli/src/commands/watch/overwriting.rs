@@ -91,6 +91,9 @@ pub fn refuse(args: &Watch) -> Result<(), Failure> {
             )));
         }
         if !args.force {
+            if name == "--record" {
+                inputs::refuse_recorded(name, &place)?;
+            }
             refuse_foreign(name, &place)?;
         }
         taken.push((name, place));
