@@ -138,6 +138,11 @@ def watch(
     SettingError
         When no sensor fits, or a setting is invalid.
 
+    Warns
+    -----
+    RuntimeWarning
+        For every torn frame, with its number, its file and what is wrong with it; its report is ``unjudged``.
+
     Examples
     --------
     >>> watched = slipbound.watch("sim:ramp?object=scissors&ramp_s=0.3&grid=fast&seed=3")

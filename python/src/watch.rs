@@ -10,6 +10,7 @@ use crate::ports::Raised;
 use crate::report::Report;
 use crate::sensor::{Sensor, Settings, sensor_of, settings_of};
 use numpy::PyArrayDyn;
+use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use slipbound::finger_pipeline::{RecordingMonitor, RestFinder};
 use slipbound::image::SizePx;
@@ -19,8 +20,11 @@ use slipbound::sensor::Sensor as CoreSensor;
 use slipbound_lab::faults::Faulty;
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
+use slipbound_rig::link::now_ns;
+use slipbound_rig::report_summary::torn;
 use slipbound_rig::sensors;
 use slipbound_rig::source::{self, ReadAhead, most_common_size};
+use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
@@ -36,11 +40,11 @@ struct Open {
     whole: bool,
     frames_count: u64,
     process_id: u32,
-    /// The exception that Ctrl-C raised while the source was silent.
+    /// The exception that Ctrl-C raised while the source gave no whole frame.
     raised: Raised,
 }
 
-/// A source whose first frames are read: a camera may be silent for any time, and Ctrl-C ends that.
+/// A source whose first frames are read: a camera may be silent, or torn, for any time, and Ctrl-C ends that.
 struct Interruptible {
     source: Box<dyn FrameSource + Send>,
     raised: Raised,
@@ -49,7 +53,7 @@ struct Interruptible {
 impl FrameSource for Interruptible {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceFailure> {
         let next = self.source.next(into)?;
-        if next == Next::Silent
+        if matches!(next, Next::Silent | Next::Torn { .. })
             && let Err(error) = Python::attach(|py| py.check_signals())
         {
             return Err(SourceFailure::new(SourceErrorKind::Other, self.raised.keep(error)));
@@ -130,6 +134,12 @@ fn sensor_of_frames(uri: &str, size: SizePx) -> PyResult<CoreSensor> {
     }
 }
 
+/// A `RuntimeWarning` at the place where the next report is taken.
+fn warn(py: Python<'_>, text: &str) -> PyResult<()> {
+    let text = CString::new(text.replace('\0', "\\0")).map_err(internal)?;
+    PyErr::warn(py, py.get_type::<PyRuntimeWarning>().as_any(), &text, 1)
+}
+
 fn failed(error: SourceFailure) -> PyErr {
     Python::attach(|py| source_error(py, error))
 }
@@ -143,18 +153,28 @@ impl Watch {
     ) -> PyResult<Self> {
         let (opened, simulated) = open_source(&uri)?;
         let raised = Raised::default();
-        let mut recording = ReadAhead::new(Box::new(Interruptible { source: opened, raised: raised.clone() }));
+        let opened = Box::new(Interruptible { source: opened, raised: raised.clone() });
+        let mut recording = match source::is_live(&uri) {
+            true => ReadAhead::live(opened, &uri, now_ns),
+            false => ReadAhead::new(opened),
+        };
         let window_count = settings.rest.window_count as usize;
         let ahead = recording.read_ahead(window_count);
-        let seen: Vec<FrameBuffer> = ahead.filter(|a| a.torn.is_none()).map(|a| a.buffer.clone()).collect();
+        let (mut seen, mut first_torn) = (Vec::new(), String::new());
+        for ahead in ahead {
+            match &ahead.torn {
+                None => seen.push(ahead.buffer.clone()),
+                Some(reason) if first_torn.is_empty() => first_torn = format!("; {}", torn(&ahead.buffer, reason)),
+                Some(_) => {}
+            }
+        }
         if let Some(error) = raised.take() {
             return Err(error);
         }
         let Some(size) = most_common_size(&seen) else {
-            return Err(recording.take_failure().map_or_else(
-                || crate::errors::SourceError::new_err(format!("{uri}: expected at least one whole frame, got none")),
-                failed,
-            ));
+            let none = format!("{uri}: expected at least one whole frame, got none{first_torn}");
+            let none = || crate::errors::SourceError::new_err(none);
+            return Err(recording.take_failure().map_or_else(none, failed));
         };
         let sensor = match (sensor, simulated) {
             (Some(sensor), _) => sensor,
@@ -181,19 +201,23 @@ impl Watch {
         ClosedError::new_err(format!("{}: it was closed", self.source))
     }
 
-    /// The next report; None at the end.
-    fn next(&self, open: &mut Open) -> PyResult<Option<Report>> {
+    /// The next report; None at the end. Of a torn frame also what is wrong with it, as the command line says it.
+    fn next(&self, open: &mut Open) -> PyResult<Option<(Report, Option<String>)>> {
         if open.process_id != std::process::id() {
             let source = &self.source;
             return Err(ClosedError::new_err(format!("{source}: opened before a fork; open it again in this process")));
         }
+        let mut torn_why = None;
         let report = loop {
             open.whole = false;
             let next = open.recording.next(&mut open.frame);
             match next.map_err(|error| open.raised.take().unwrap_or_else(|| failed(error)))? {
                 Next::End => return Ok(None),
                 Next::Silent => {}
-                Next::Torn { .. } => break open.monitor.torn(open.frame.seq, open.frame.time_ns),
+                Next::Torn { reason } => {
+                    torn_why = Some(format!("{}: {}", self.source, torn(&open.frame, &reason)));
+                    break open.monitor.torn(open.frame.seq, open.frame.time_ns);
+                }
                 Next::Frame => {
                     open.whole = true;
                     let judged = open.monitor.step(&open.frame, &mut (), &mut |_, _| {});
@@ -205,7 +229,8 @@ impl Watch {
         let kept = Arc::new(Kept::of(open.monitor.monitor(), self.sensor.clone(), touched));
         let frame = open.frames_count;
         open.frames_count += 1;
-        Ok(Some(Report { report, kept, finger: self.finger.clone(), frame, waiting: None }))
+        let report = Report { report, kept, finger: self.finger.clone(), frame, waiting: None };
+        Ok(Some((report, torn_why)))
     }
 }
 
@@ -220,7 +245,9 @@ impl Watch {
         let mut open = exclusive(&self.open, WHAT)?;
         let open = open.as_mut().ok_or_else(|| self.closed())?;
         let next = py.detach(|| guarded(|| self.next(open)));
-        interrupted_or(py, next)
+        let Some((report, torn_why)) = interrupted_or(py, next)? else { return Ok(None) };
+        torn_why.map_or(Ok(()), |why| warn(py, &why))?;
+        Ok(Some(report))
     }
 
     /// The frame of the newest report as an array; None before the first, and where it did not arrive completely.

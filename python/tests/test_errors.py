@@ -302,6 +302,37 @@ def test_ctrl_c_ends_the_wait_for_a_camera_that_is_silent():
         assert done.stdout.strip() == "interrupted", done.stderr
 
 
+def torn_camera(server: socket.socket) -> None:
+    """Gives a client nothing but torn frames."""
+    camera, _ = server.accept()
+    camera.recv(1 << 12)
+    try:
+        camera.sendall(b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=a\r\n\r\n")
+        while True:
+            camera.sendall(b"--a\r\nContent-Type: image/jpeg\r\nContent-Length: 4\r\n\r\nhalf\r\n")
+            time.sleep(0.02)
+    except OSError:
+        pass
+
+
+def test_a_camera_that_gives_only_torn_frames_is_an_error_after_5_s_and_ctrl_c_ends_the_wait():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"http://127.0.0.1:{server.getsockname()[1]}/"
+        threading.Thread(target=torn_camera, args=(server,), daemon=True).start()
+        program = (
+            "import slipbound, threading, signal, os\n"
+            "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+            "threading.Timer(1, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
+            f"try:\n    slipbound.watch({address!r})\n"
+            "except KeyboardInterrupt:\n    print('interrupted')\n"
+        )
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=20)
+        assert done.stdout.strip() == "interrupted", done.stderr
+        threading.Thread(target=torn_camera, args=(server,), daemon=True).start()
+        with pytest.raises(slipbound.SourceError, match="expected a whole frame within 5 s, got [0-9]+ torn ones"):
+            slipbound.watch(address)
+
+
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="pipes are read by ffmpeg")
 def test_ctrl_c_ends_the_wait_for_a_pipe_that_nobody_writes(tmp_path):
     os.mkfifo(tmp_path / "pipe")

@@ -26,6 +26,7 @@ def lines_of_python(source: str, **options: str) -> list[str]:
     return [report.to_json(markers=True) for report in slipbound.watch(source, **options)]
 
 
+@pytest.mark.filterwarnings("ignore:.* is torn:RuntimeWarning")
 @pytest.mark.parametrize(
     "source",
     [
@@ -51,6 +52,27 @@ def test_a_recording_gives_the_lines_of_the_command(tmp_path):
     told = lines_of_the_command(source, tmp_path, "--sensor", options["sensor"], "--rest", "held")
     assert lines_of_python(source, settings=str(held), **options) == told != expected
     assert slipbound.watch(source, settings=str(held), **options).rest_kind == "in_contact"
+
+
+def test_a_torn_frame_is_warned_of_with_its_file_and_reason(tmp_path):
+    folder = tmp_path / "run"
+    command = [sys.executable, "-m", "slipbound", "simulate", f"{SCENE}", "-o", str(folder)]
+    assert subprocess.run(command, capture_output=True, check=False).returncode == 0
+    images = sorted(folder.glob("*.jpg"))
+    images[-1].write_bytes(b"")
+    images[-2].write_bytes(images[-2].read_bytes()[:2000])
+    expected = lines_of_the_command(str(folder), tmp_path, "--sensor", str(folder / "sensor.toml"))
+    with pytest.warns(RuntimeWarning) as warned:
+        assert lines_of_python(str(folder), sensor=str(folder / "sensor.toml")) == expected
+    cut, empty = [str(warning.message) for warning in warned]
+    seq = len(images) - 1
+    assert empty == f"{folder}: frame {seq} ({images[-1].name}) is torn: empty: zero bytes"
+    assert cut.startswith(f"{folder}: frame {seq - 1} ({images[-2].name}) is torn: JPEG cut off: 2000 bytes")
+    assert all(Path(warning.filename).name == "test_watch.py" for warning in warned)
+    for image in images:
+        image.write_bytes(b"")
+    with pytest.raises(slipbound.SourceError, match=r"got none; frame 0 \(.*\) is torn: empty: zero bytes"):
+        slipbound.watch(folder, sensor=folder / "sensor.toml")
 
 
 def clips() -> list[tuple[str, str]]:
