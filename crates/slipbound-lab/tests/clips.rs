@@ -1,4 +1,4 @@
-//! Recorded clips that cannot be judged are refused by name, never counted as held.
+//! Recorded clips that cannot be judged are named, never counted as held.
 
 use slipbound::image::SizePx;
 use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
@@ -94,11 +94,18 @@ fn lifts(of: &[(&str, &[&str])]) -> Result<Vec<TrialRecord>, String> {
     judge(&Lifts::new(clips(&root), world().sensor(), false), &root)
 }
 
+/// Why the first trial could not be judged.
+fn problem(records: &Result<Vec<TrialRecord>, String>) -> String {
+    let first = &records.as_ref().expect("records")[0];
+    assert_eq!((first.verdict, first.truth, first.is_right()), (false, None, None), "it counts nowhere");
+    first.unjudged().expect("not judged").to_owned()
+}
+
 #[test]
-fn a_grasp_of_which_no_finger_can_be_judged_is_refused_by_name() {
-    let of = |videos: &[&str]| wriggles(&[("a", videos)]).expect_err("nothing to judge");
-    assert_eq!(of(&["notes.txt"]), "wriggles, trial 0, a: a: expected a video of each finger, *.avi, got none");
-    let none = "wriggles, trial 0, a: a: expected a finger that can be judged, got none: ";
+fn a_grasp_of_which_no_finger_can_be_judged_is_named_and_not_counted() {
+    let of = |videos: &[&str]| problem(&wriggles(&[("a", videos)]));
+    assert_eq!(of(&["notes.txt"]), "expected a video of each finger, *.avi, got none");
+    let none = "expected a finger that can be judged, got none: ";
     let torn = "torn.avi: expected a whole frame, got none (25 torn)";
     assert_eq!(of(&["torn.avi"]), format!("{none}{torn}"));
     let both = of(&["dark.avi", "torn.avi"]);
@@ -107,10 +114,17 @@ fn a_grasp_of_which_no_finger_can_be_judged_is_refused_by_name() {
 }
 
 #[test]
-fn an_error_names_the_grasp_that_is_bad_not_the_first_one() {
-    let error = wriggles(&[("a", &["left.avi"]), ("b", &[])]).expect_err("no video");
-    let wanted = "wriggles, trial 0, a: the window is that of the shortest grasp: b: expected a video";
-    assert!(error.starts_with(wanted), "{error}");
+fn a_grasp_that_cannot_be_judged_leaves_the_others_and_their_window() {
+    let alone = wriggles(&[("b", &["left.avi"])]).expect("a grasp");
+    let of = [("a", &[][..]), ("b", &["left.avi"][..])];
+    let both = wriggles(&of).expect("grasps");
+    assert_eq!(both.len(), 2);
+    assert_eq!(TrialRecord { number: 0, ..both[1].clone() }, alone[0]);
+    let root = folder(&of);
+    let table = &Wriggles::new(clips(&root), world().sensor()).tables(&both)[0];
+    let named = " Not judged, and not counted: a (expected a video of each finger, *.avi, got none).";
+    assert!(table.note.ends_with(named), "{}", table.note);
+    assert!(table.markdown().contains("| ours | 1 | 0 |"), "{}", table.markdown());
 }
 
 #[test]
@@ -130,14 +144,17 @@ fn a_finger_that_cannot_be_judged_leaves_the_other_and_its_window() {
 }
 
 #[test]
-fn a_lift_without_a_frame_to_score_is_refused_by_name() {
-    let of = |name: &str| lifts(&[("a", &[]), (name, &[])]).expect_err("nothing to judge");
+fn a_lift_without_a_frame_to_score_is_named_and_not_counted() {
+    let of = |name: &str| problem(&lifts(&[(name, &[]), ("z", &[])]));
     let dark = of("dark");
-    assert!(dark.starts_with("lifts, trial 1, dark: dark: unusable as rest frame: dark frame"), "{dark}");
-    assert_eq!(of("torn"), "lifts, trial 1, torn: torn: expected a whole frame, got none (25 torn)");
-    assert_eq!(
-        of("short"),
-        "lifts, trial 1, short: short: expected frames from number 5 on that can be judged, got none among 3 frames"
-    );
-    assert_eq!(lifts(&[("a", &[])]).expect("a clip").len(), 1);
+    assert!(dark.starts_with("unusable as rest frame: dark frame"), "{dark}");
+    assert_eq!(of("torn"), "expected a whole frame, got none (25 torn)");
+    assert_eq!(of("short"), "expected frames from number 5 on that can be judged, got none among 3 frames");
+    let root = folder(&[("torn", &[]), ("z", &[])]);
+    let protocol = Lifts::new(clips(&root), world().sensor(), false);
+    let records = judge(&protocol, &root).expect("records");
+    assert_eq!((records[1].trial.as_str(), records[1].unjudged()), ("z", None));
+    let table = &protocol.tables(&records)[0];
+    assert!(table.note.ends_with("not counted: torn (expected a whole frame, got none (25 torn))."), "{}", table.note);
+    assert!(table.markdown().contains("| ours | 1 | 0 |"), "{}", table.markdown());
 }

@@ -32,8 +32,8 @@ use crate::grip::{ForceSense, GripController};
 use crate::hand::{FINGERS_MOST, Hand, Mounting};
 use crate::monitor::RestKind;
 use crate::port::{
-    DriverEvent, GripCommand, GripSample, Gripper, GripperError, GripperErrorKind, GripperState, Jaws, Wrist,
-    WristCommand, WristMotion, WristState,
+    DriverEvent, GripCommand, GripSample, Gripper, GripperErrorKind, GripperState, Jaws, Wrist, WristCommand,
+    WristMotion, WristState,
 };
 use crate::setting::SettingError;
 use crate::task::{Observation, Phase, Task, TaskStep};

@@ -141,7 +141,7 @@ fn an_object_held_from_the_start_that_slides_is_gross_though_it_is_too_faint_for
     assert_eq!(reports[8], (SlipState::Gross, 0.0));
     assert!(states[8..24].iter().all(|state| *state == SlipState::Gross), "it goes on: {states:?}");
     let reports = states_of(4.0);
-    assert!(reports.iter().any(|report| *report == (SlipState::Gross, 0.0)), "{reports:?}");
+    assert!(reports.contains(&(SlipState::Gross, 0.0)), "{reports:?}");
     let ended = reports[9..].iter().position(|(state, _)| *state != SlipState::Gross).map(|frames| 9 + frames);
     assert!(ended.is_some_and(|ended| ended < 26), "0.3 s after the last motion, and its noise: {reports:?}");
 }

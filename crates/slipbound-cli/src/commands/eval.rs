@@ -80,6 +80,18 @@ fn shard(text: &str) -> Result<Shard, String> {
     }
 }
 
+/// Fails where nothing could be judged.
+fn refuse_unjudged(protocol: &dyn Protocol, records: &[TrialRecord]) -> Result<(), Failure> {
+    let first = records.first().and_then(|record| Some((&record.trial, record.unjudged()?)));
+    match first.filter(|_| records.iter().all(|record| record.unjudged().is_some())) {
+        None => Ok(()),
+        Some((trial, problem)) => {
+            let what = format!("{}: expected trials that can be judged, got none", protocol.name());
+            Err(Failure::Work(anyhow::Error::msg(format!("{what}; the first: {trial}: {problem}"))))
+        }
+    }
+}
+
 impl Eval {
     /// Runs the missing trials, then writes tables and page.
     pub fn run(&self) -> Result<Outcome, Failure> {
@@ -271,6 +283,7 @@ impl Eval {
 
     /// Writes tables and page, and prints the first table.
     fn finish(&self, protocol: &dyn Protocol, folder: &SweepFolder) -> Result<Outcome, Failure> {
+        refuse_unjudged(protocol, folder.records())?;
         let tables = protocol.tables(folder.records());
         let json = serde_json::to_string_pretty(&table::json(folder.sweep(), &tables));
         let json = json.map_err(|error| Failure::work("table.json", error))?;

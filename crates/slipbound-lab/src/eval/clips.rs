@@ -7,6 +7,7 @@
 
 use crate::eval::digest::Digest;
 use crate::eval::error::EvalError;
+use crate::eval::record::{TrialRecord, UNJUDGED};
 use crate::rivals::{Detector, Entry, Inputs};
 use slipbound::finger_pipeline::{RecordingMonitor, RestFinder};
 use slipbound::monitor::{
@@ -127,6 +128,26 @@ impl Clips {
         watch(self.open, path, sensor, rest_from, entries)
     }
 
+    /// The records of a clip that cannot be judged: no alarm, no truth, and the reason. One bad clip does not end a sweep.
+    pub(super) fn unjudged(&self, number: u64, detectors: &[&'static Entry], problem: &str) -> Vec<TrialRecord> {
+        let name = &self.names[number as usize];
+        let record = |entry: &&'static Entry| {
+            TrialRecord {
+                number,
+                trial: name.clone(),
+                object: object_of_name(name).into(),
+                detector: entry.name.into(),
+                truth: None,
+                verdict: false,
+                score: 0.0,
+                first_alarm_frame: None,
+                more: Default::default(),
+            }
+            .with(UNJUDGED, problem)
+        };
+        detectors.iter().map(record).collect()
+    }
+
     /// How an error names the trial of a clip.
     pub(super) fn trial(&self, number: u64) -> String {
         let name = self.names.get(number as usize).map_or("", String::as_str);
@@ -231,6 +252,18 @@ pub enum RestFrom {
     FirstFrame,
     /// Chosen among the first frames, for each of them among that frame and those before it.
     FirstFrames,
+}
+
+/// What a table says of the clips that could not be judged; empty where there are none.
+pub(super) fn note_of_unjudged(records: &[TrialRecord]) -> String {
+    let mut some: Vec<(&str, &str)> =
+        records.iter().filter_map(|record| Some((record.trial.as_str(), record.unjudged()?))).collect();
+    some.dedup();
+    let each: Vec<String> = some.iter().map(|(name, problem)| format!("{name} ({problem})")).collect();
+    match each.is_empty() {
+        true => String::new(),
+        false => format!(" Not judged, and not counted: {}.", each.join(", ")),
+    }
 }
 
 /// See [`Clips::watch`].

@@ -8,7 +8,7 @@
 //!
 //! The verdict uses only the frames: no name, no label, no opening of the gripper.
 
-use super::clips::{Clips, Latch, RestFrom, Seen, judged, object_of_name, other};
+use super::clips::{Clips, Latch, RestFrom, Seen, judged, note_of_unjudged, object_of_name, other};
 use super::error::EvalError;
 use super::protocol::Protocol;
 use super::record::TrialRecord;
@@ -28,8 +28,8 @@ pub struct Lifts {
     clips: Clips,
     sensor: Sensor,
     refit: bool,
-    /// The evidence of every clip, for `--refit`.
-    evidence: OnceLock<Result<Vec<Latch>, String>>,
+    /// The evidence of every clip, for `--refit`; None where it cannot be judged.
+    evidence: OnceLock<Result<Vec<Option<Latch>>, String>>,
 }
 
 /// A clip for the fit of a scale.
@@ -84,7 +84,7 @@ impl Lifts {
         let known: Vec<Example<'_>> = (self.clips.names.iter().zip(all))
             .filter_map(|(clip, latch)| {
                 let label = self.clips.labels.get(clip)?;
-                Some(Example { object: &label.object, slips: label.slips, latch: *latch })
+                Some(Example { object: &label.object, slips: label.slips, latch: (*latch)? })
             })
             .collect();
         left_out_scale(&known, self.object(name)).ok_or_else(|| {
@@ -93,11 +93,12 @@ impl Lifts {
         })
     }
 
-    fn evidence_of_all(&self) -> Result<Vec<Latch>, EvalError> {
+    fn evidence_of_all(&self) -> Result<Vec<Option<Latch>>, EvalError> {
         let ours = [named("ours")?];
-        let one = |name: &String| {
-            let seen = self.watch(name, &ours)?;
-            Ok(judged(ours[0], &seen[0], &EvidenceSettings::default()).2)
+        let one = |name: &String| match self.watch(name, &ours) {
+            Ok(seen) => Ok(Some(judged(ours[0], &seen[0], &EvidenceSettings::default()).2)),
+            Err(EvalError::Unjudged { .. }) => Ok(None),
+            Err(error) => Err(error),
         };
         self.clips.names.iter().map(one).collect()
     }
@@ -135,7 +136,10 @@ impl Protocol for Lifts {
     fn judge(&self, number: u64, detectors: &[&'static Entry]) -> Result<Vec<TrialRecord>, EvalError> {
         let name = &self.clips.names[number as usize];
         let scale = self.scale(name)?;
-        let seen = self.watch(name, detectors)?;
+        let seen = match self.watch(name, detectors) {
+            Err(EvalError::Unjudged { problem, .. }) => return Ok(self.clips.unjudged(number, detectors, &problem)),
+            seen => seen?,
+        };
         let record = |(entry, seen): (&&'static Entry, &Vec<Seen>)| {
             let (score, first_alarm_frame, latch) = judged(entry, seen, &scale);
             let record = TrialRecord {
@@ -177,11 +181,12 @@ impl Protocol for Lifts {
         };
         let mut all = Table::new(
             title,
-            note,
+            &format!("{note}{}", note_of_unjudged(records)),
             &["detector", "clips", "wrong", &format!("right %, {kind}"), &format!("AUC, {kind}")],
         );
+        let judged = || records.iter().filter(|record| record.unjudged().is_none());
         for entry in &DETECTORS {
-            let some: Vec<&TrialRecord> = records.iter().filter(|r| r.detector == entry.name).collect();
+            let some: Vec<&TrialRecord> = judged().filter(|r| r.detector == entry.name).collect();
             if !some.is_empty() {
                 all.rows.push(row(entry.name, &some));
             }
@@ -196,7 +201,7 @@ impl Protocol for Lifts {
         );
         for object in objects {
             let some: Vec<&TrialRecord> =
-                records.iter().filter(|r| r.detector == "ours" && self.object_of(r) == object).collect();
+                judged().filter(|r| r.detector == "ours" && self.object_of(r) == object).collect();
             if !some.is_empty() {
                 by_object.rows.push(row(object, &some));
             }

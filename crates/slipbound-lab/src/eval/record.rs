@@ -7,6 +7,9 @@ use std::collections::BTreeMap;
 /// The keys of every record, in the order in which a line has them.
 pub const KEYS: [&str; 8] = ["number", "trial", "object", "detector", "truth", "verdict", "score", "first_alarm_frame"];
 
+/// Key of a record whose trial could not be judged: why.
+pub const UNJUDGED: &str = "unjudged";
+
 /// Results of one detector on one trial or clip.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrialRecord {
@@ -59,6 +62,11 @@ impl TrialRecord {
     /// An additional yes or no; None if it is null or absent.
     pub fn flag_of(&self, key: &str) -> Option<bool> {
         self.more.get(key)?.as_bool()
+    }
+
+    /// Why the trial could not be judged; None where it was. Such a record has no truth, so it counts nowhere.
+    pub fn unjudged(&self) -> Option<&str> {
+        self.word_of(UNJUDGED)
     }
 
     /// Whether the verdict is correct; None if the truth is unknown.

@@ -6,9 +6,10 @@
 //! ```
 //!
 //! The length of a clip reveals its label (recording stops when the object is lost), so every clip is scored over the
-//! same time. A finger that cannot be judged is left to the other; a grasp of which neither can be judged is an error.
+//! same time. A finger that cannot be judged is left to the other; a grasp of which neither can be judged is named and
+//! not counted.
 
-use super::clips::{Clips, RestFrom, Seen, judged, object_of_name, other};
+use super::clips::{Clips, RestFrom, Seen, judged, note_of_unjudged, object_of_name, other};
 use super::error::EvalError;
 use super::lifts::row;
 use super::protocol::Protocol;
@@ -36,8 +37,11 @@ pub struct Wriggles {
     sensor: Sensor,
     /// Results on every grasp, by finger and detector; computed together, because the shortest clip determines the
     /// window.
-    seen: OnceLock<Result<Vec<Grasp>, (usize, String)>>,
+    seen: OnceLock<Result<Vec<Judged>, (usize, String)>>,
 }
+
+/// A grasp, or why it cannot be judged.
+type Judged = Result<Grasp, String>;
 
 /// Results of the detectors on a grasp.
 #[derive(Debug)]
@@ -59,7 +63,7 @@ impl Wriggles {
     }
 
     /// Every grasp, for the trial of one of them.
-    fn all(&self, number: u64, detectors: &[&'static Entry]) -> Result<&[Grasp], EvalError> {
+    fn all(&self, number: u64, detectors: &[&'static Entry]) -> Result<&[Judged], EvalError> {
         let all = self.seen.get_or_init(|| self.see_all(detectors));
         all.as_deref().map_err(|(failed, text)| match *failed as u64 == number {
             true => other(text.clone()),
@@ -68,7 +72,7 @@ impl Wriggles {
     }
 
     /// The error comes with the index of its grasp.
-    fn see_all(&self, detectors: &[&'static Entry]) -> Result<Vec<Grasp>, (usize, String)> {
+    fn see_all(&self, detectors: &[&'static Entry]) -> Result<Vec<Judged>, (usize, String)> {
         let next = AtomicUsize::new(0);
         let names = &self.clips.names;
         let worker = || {
@@ -77,15 +81,16 @@ impl Wriggles {
                 let n = next.fetch_add(1, Ordering::Relaxed);
                 let Some(name) = names.get(n) else { return mine };
                 let path = self.clips.path(name);
-                let failed = |error| match error {
-                    EvalError::Unjudged { .. } => format!("{error}"),
-                    other => format!("{}: {other}", path.display()),
+                let judged = match grasp(&self.clips, &path, &self.sensor, detectors) {
+                    Err(EvalError::Unjudged { problem, .. }) => Ok(Err(problem)),
+                    Err(error) => Err(format!("{}: {error}", path.display())),
+                    Ok(grasp) => Ok(Ok(grasp)),
                 };
-                mine.push((n, grasp(&self.clips, &path, &self.sensor, detectors).map_err(failed)));
+                mine.push((n, judged));
             }
         };
         let jobs = std::thread::available_parallelism().map_or(1, usize::from);
-        let mut done: Vec<(usize, Result<Grasp, String>)> = std::thread::scope(|scope| {
+        let mut done: Vec<(usize, Result<Judged, String>)> = std::thread::scope(|scope| {
             let threads: Vec<_> = (0..jobs).map(|_| scope.spawn(worker)).collect();
             threads.into_iter().flat_map(|thread| thread.join().unwrap_or_default()).collect()
         });
@@ -148,8 +153,8 @@ fn after_contact(finger: &[Vec<Seen>]) -> Option<usize> {
 }
 
 /// Length of the window: the frames left in the shortest clip, among those with contact and a frame after it.
-fn window_count(grasps: &[Grasp]) -> usize {
-    grasps.iter().filter(|grasp| grasp.from.is_some()).map(|grasp| grasp.left_count).min().unwrap_or(0)
+fn window_count<'a>(grasps: impl Iterator<Item = &'a Grasp>) -> usize {
+    grasps.filter(|grasp| grasp.from.is_some()).map(|grasp| grasp.left_count).min().unwrap_or(0)
 }
 
 impl Protocol for Wriggles {
@@ -167,8 +172,12 @@ impl Protocol for Wriggles {
 
     fn judge(&self, number: u64, detectors: &[&'static Entry]) -> Result<Vec<TrialRecord>, EvalError> {
         let grasps = self.all(number, detectors)?;
-        let (name, grasp) = (&self.clips.names[number as usize], &grasps[number as usize]);
-        let window_count = window_count(grasps);
+        let name = &self.clips.names[number as usize];
+        let grasp = match &grasps[number as usize] {
+            Ok(grasp) => grasp,
+            Err(problem) => return Ok(self.clips.unjudged(number, detectors, problem)),
+        };
+        let window_count = window_count(grasps.iter().flatten());
         let scale = EvidenceSettings::default();
         let record = |n: usize, entry: &&'static Entry| {
             let of_finger = |finger: &Vec<Vec<Seen>>| {
@@ -214,7 +223,7 @@ impl Protocol for Wriggles {
             numbers.dedup();
             numbers.len()
         };
-        let windowless = grasps_with(&|r| r.number_of("window_from_frame").is_none());
+        let windowless = grasps_with(&|r| r.number_of("window_from_frame").is_none() && r.unjudged().is_none());
         if windowless > 0 {
             note +=
                 &format!(" Grasps without a frame after 0.5 s of contact, with score 0 and no alarm: {windowless}.");
@@ -223,6 +232,7 @@ impl Protocol for Wriggles {
         if one_finger > 0 {
             note += &format!(" Grasps with a video that could not be judged, by the other finger alone: {one_finger}.");
         }
+        note += &note_of_unjudged(records);
         let mut table = Table::new(
             "Wriggles",
             &note,
@@ -237,7 +247,8 @@ impl Protocol for Wriggles {
             ],
         );
         for entry in &DETECTORS {
-            let some: Vec<&TrialRecord> = records.iter().filter(|r| r.detector == entry.name).collect();
+            let some: Vec<&TrialRecord> =
+                records.iter().filter(|r| r.detector == entry.name && r.unjudged().is_none()).collect();
             if some.is_empty() {
                 continue;
             }
@@ -284,11 +295,11 @@ mod tests {
         let touched = |left_count: usize| finger(&format!("....{}", "#".repeat(13 + left_count)));
         let grasp = |left_count: usize| Grasp::new(vec![touched(left_count)], 0);
         let bare = || Grasp::new(vec![finger("......")], 0);
-        assert_eq!(window_count(&[grasp(90), bare(), grasp(70)]), 70);
-        assert_eq!(window_count(&[bare()]), 0);
+        assert_eq!(window_count([grasp(90), bare(), grasp(70)].iter()), 70);
+        assert_eq!(window_count([bare()].iter()), 0);
         // A video that ends before the first frame of its window leaves the others theirs.
         let over = Grasp::new(vec![touched(0), finger("....")], 0);
         assert_eq!((over.from, over.left_count), (None, 0));
-        assert_eq!(window_count(&[grasp(90), over, grasp(70)]), 70);
+        assert_eq!(window_count([grasp(90), over, grasp(70)].iter()), 70);
     }
 }

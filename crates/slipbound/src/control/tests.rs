@@ -3,7 +3,7 @@
 use super::*;
 use crate::hand::Side;
 use crate::monitor::Settings;
-use crate::port::{FrameBuffer, FrameSource, Next, SourceError, WristError, WristErrorKind};
+use crate::port::{FrameBuffer, FrameSource, GripperError, Next, SourceError, WristError, WristErrorKind};
 use crate::task::{TaskKind, TaskSettings};
 use std::cell::RefCell;
 use std::rc::Rc;
