@@ -94,6 +94,17 @@ fn only_black_frames_are_refused() {
 }
 
 #[test]
+fn a_sweep_over_clips_of_which_none_can_be_judged_fails_with_the_reason_of_the_first() {
+    let trial = Trial::new(0);
+    fs::create_dir_all(trial.path("clips/a")).expect("a folder");
+    trial.write("clips/a/0.jpg", &encode(&vec![0; SIZE.area()], SIZE));
+    let arguments = ["eval", "lifts", "--data", "clips", "--detector", "ours", "-o", "out"];
+    let ended = Ended::of(trial.command(&arguments).output().expect("runs"));
+    let said = "lifts: expected trials that can be judged, got none; the first: a: unusable as rest frame: dark frame";
+    assert!(ended.code == Some(1) && ended.out.contains(said), "{ended:?}");
+}
+
+#[test]
 fn a_truncated_avi_is_judged_as_far_as_it_goes() {
     let trial = Trial::new(0);
     write_avi(&trial.path("run.avi"), 6);

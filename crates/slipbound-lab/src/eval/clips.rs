@@ -116,8 +116,8 @@ impl Clips {
     }
 
     /// Runs detectors on a recording, in the order of `entries`; the results by detector, then by frame; none for a
-    /// detector whose monitor cannot be created for the recording. [`EvalError::Unjudged`] where that is so for all of
-    /// them, and where no frame could be judged.
+    /// detector whose monitor cannot be created for the recording. [`EvalError::Unjudged`] where no frame could be
+    /// judged by the monitor that all but the paper's own method share, or by that method's if it is asked alone.
     pub fn watch(
         &self,
         path: &Path,
@@ -276,7 +276,7 @@ fn watch(
 ) -> Result<Vec<Vec<Seen>>, EvalError> {
     let uri = &path.display().to_string();
     let mut seen: Vec<Vec<Seen>> = vec![Vec::new(); entries.len()];
-    let (mut refused, mut unjudged) = (None, None);
+    let mut first_problem = None;
     for inputs in [Inputs::Frames, Inputs::PaperFrames] {
         // A recording contains no grip force, so both of our detectors use frames alone.
         let is_asked = |entry: &Entry| (entry.inputs == Inputs::PaperFrames) == (inputs == Inputs::PaperFrames);
@@ -286,7 +286,7 @@ fn watch(
         let mut monitor = match monitor(open, uri, sensor, rest_from, inputs)? {
             Ok(monitor) => monitor,
             Err(problem) => {
-                refused.get_or_insert(problem);
+                first_problem.get_or_insert(problem);
                 continue;
             }
         };
@@ -319,7 +319,9 @@ fn watch(
                 Next::End => break,
             };
             if let Some(reason) = report.reason.filter(|_| report.state == SlipState::Unjudged) {
-                unjudged.get_or_insert(reason);
+                first_problem.get_or_insert_with(|| {
+                    format!("expected frames that can be judged, got none; frame {}: {reason}", report.seq)
+                });
             }
             for (n, detector) in &mut detectors {
                 let score = detector.see(monitor.monitor(), &report);
@@ -334,17 +336,22 @@ fn watch(
             }
         }
     }
-    if seen.iter().flatten().any(|frame| frame.is_judged) {
-        return Ok(seen);
+    match is_judged(entries, &seen) {
+        true => Ok(seen),
+        false => {
+            let problem = first_problem.unwrap_or_else(|| "expected frames, got none".into());
+            Err(EvalError::Unjudged { path: path.to_owned(), problem })
+        }
     }
-    let count = seen.iter().map(Vec::len).max().unwrap_or(0);
-    let expected = "expected frames that can be judged, got none";
-    let problem = match (unjudged, refused) {
-        (Some(reason), _) => format!("{expected} of {count}, the first: {reason}"),
-        (None, Some(problem)) => problem,
-        (None, None) => expected.into(),
-    };
-    Err(EvalError::Unjudged { path: path.to_owned(), problem })
+}
+
+/// Whether a clip counts as judged: see [`Clips::watch`]. Where only the paper's own method cannot judge, it raises no
+/// alarm.
+pub(super) fn is_judged(entries: &[&'static Entry], seen: &[Vec<Seen>]) -> bool {
+    let is_shared = |entry: &Entry| entry.inputs != Inputs::PaperFrames;
+    let has_shared = entries.iter().any(|entry| is_shared(entry));
+    let counted = entries.iter().zip(seen).filter(|(entry, _)| !has_shared || is_shared(entry));
+    counted.flat_map(|(_, frames)| frames).any(|frame| frame.is_judged)
 }
 
 /// A monitor for a recording; the inner error is why it has no rest frame.
@@ -484,6 +491,16 @@ mod tests {
         write("c_1/000.jpg", "");
         let all = [bare, labelled, told_otherwise, longer, contents()];
         assert!((1..all.len()).all(|n| !all[..n].contains(&all[n])), "{all:?}");
+    }
+
+    #[test]
+    fn a_clip_that_only_the_papers_own_method_can_judge_is_not_scored_for_ours() {
+        let [ours, paper] = ["ours", "paper_as_written"].map(|name| crate::rivals::named(name).expect("there is one"));
+        let frame = |is_judged| Seen { frame: 0, is_judged, touches: false, score: 0.0, alarms: false, evidence: None };
+        assert!(!is_judged(&[ours, paper], &[vec![], vec![frame(true)]]));
+        assert!(!is_judged(&[ours, paper], &[vec![frame(false)], vec![frame(true)]]));
+        assert!(is_judged(&[ours, paper], &[vec![frame(false), frame(true)], vec![]]));
+        assert!(is_judged(&[paper], &[vec![frame(true)]]) && !is_judged(&[paper], &[vec![]]));
     }
 
     #[test]

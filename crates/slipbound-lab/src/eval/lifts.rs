@@ -8,7 +8,7 @@
 //!
 //! The verdict uses only the frames: no name, no label, no opening of the gripper.
 
-use super::clips::{Clips, Latch, RestFrom, Seen, judged, note_of_unjudged, object_of_name, other};
+use super::clips::{Clips, Latch, RestFrom, Seen, is_judged, judged, note_of_unjudged, object_of_name, other};
 use super::error::EvalError;
 use super::protocol::Protocol;
 use super::record::TrialRecord;
@@ -109,7 +109,7 @@ impl Lifts {
         let mut seen = self.clips.watch(&path, &self.sensor, RestFrom::FirstFrame, detectors)?;
         let frames_count = seen.iter().map(Vec::len).max().unwrap_or(0);
         seen.iter_mut().for_each(|frames| frames.retain(|frame| frame.frame >= SCORED_FROM_FRAME));
-        match seen.iter().flatten().any(|frame| frame.is_judged) {
+        match is_judged(detectors, &seen) {
             true => Ok(seen),
             false => {
                 let expected = format!("expected frames from number {SCORED_FROM_FRAME} on that can be judged");
