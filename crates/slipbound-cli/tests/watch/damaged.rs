@@ -101,7 +101,7 @@ fn a_sweep_over_clips_of_which_none_can_be_judged_fails_with_the_reason_of_the_f
     let arguments = ["eval", "lifts", "--data", "clips", "--detector", "ours", "-o", "out"];
     let ended = Ended::of(trial.command(&arguments).output().expect("runs"));
     let said = "lifts: expected trials that can be judged, got none; the first: a: unusable as rest frame: dark frame";
-    assert!(ended.code == Some(1) && ended.out.contains(said), "{ended:?}");
+    assert!(ended.code == Some(1) && ended.err.contains(said), "{ended:?}");
 }
 
 #[test]
