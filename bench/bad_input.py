@@ -265,6 +265,7 @@ def cases():
         ("a torn picture", lambda c: c.put("torn.jpg", b""), f"run {me} --rest torn.jpg"),
         ("a picture of another size", lambda c: c.put("other.png", png(320, 240, 128)), f"run {me} --rest other.png"),
         ("a folder", None, f"run {me} --rest run"),
+        ("frames of standard input", None, f"- {me} --rest 0..5"),
         ("Outputs", None, None),
         ("--json into no folder", None, "run --sensor painted.toml --json no/where.jsonl"),
         ("--json is a folder", None, "run --sensor painted.toml --json run"),
