@@ -117,7 +117,8 @@ impl SlipEpisodes {
 /// Whether a slip with this last sign is over by the time of `sign`.
 fn is_over(running: &Episode, sign: &Sign) -> bool {
     match (running.last.1, sign.time_ns) {
-        (Some(last_ns), Some(now_ns)) => now_ns.saturating_sub(last_ns) >= QUIET_NS,
+        // A clock that was set back counts, too.
+        (Some(last_ns), Some(now_ns)) => now_ns.abs_diff(last_ns) >= QUIET_NS,
         _ => sign.seq.saturating_sub(running.last.0) >= QUIET_FRAMES_COUNT,
     }
 }

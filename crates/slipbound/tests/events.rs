@@ -97,6 +97,19 @@ fn the_lines_of_a_recording_name_the_first_and_the_last_frame_of_each_slip() {
     assert_eq!(told, [begins(1, 2), ends(1, 5, 3), begins(2, 11), ends(2, 11, 1)]);
 }
 
+/// A camera that was plugged in again counts from 0; two seconds later it slips again.
+#[test]
+fn a_slip_after_a_clock_was_set_back_is_another_one() {
+    let mut episodes = SlipEpisodes::default();
+    let mut see = |time_ns, slips| {
+        episodes.see(&Sign { seq: 0, time_ns: Some(time_ns), slips, contact_lost: false });
+        episodes.count()
+    };
+    assert_eq!(see(100 * PERIOD_NS, true), 1);
+    assert_eq!((0..60).map(|i| see(i * PERIOD_NS, false)).last(), Some(1));
+    assert_eq!(see(60 * PERIOD_NS, true), 2);
+}
+
 #[test]
 fn a_hand_counts_slips_by_the_clock_of_the_loop() {
     let mut episodes = SlipEpisodes::default();

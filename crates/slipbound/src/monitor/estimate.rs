@@ -17,6 +17,7 @@
 mod features;
 mod field;
 mod friction;
+mod grip;
 mod last_motion;
 mod load;
 mod prediction;
@@ -33,6 +34,7 @@ use crate::port::GripSample;
 use crate::sensor::Sensor;
 use field::{FieldFacts, Learned, Point};
 use friction::{Friction, Shown, half_width_px, indentation_gain};
+use grip::Grip;
 use last_motion::{Carried, LastMotion};
 use load::{Load, Middle};
 pub use prediction::EstimateTrees;
@@ -47,15 +49,6 @@ const LEAST_POINTS: usize = 4;
 /// the pitch in mm is unknown.
 const DRAG_WIDTH_MM: f64 = 1.92;
 const DRAG_WIDTH_PITCH: f64 = 1.28;
-/// Time constant of the mean of the grip force, s, and its largest deviation from the reading, N and as a share of it.
-/// Without that limit the reading of a grip that grows at 60 N/s would be 6 N ahead of the mean, and the load would
-/// seem to use a third more of it.
-const GRIP_S: f64 = 0.1;
-const GRIP_BEHIND_N: f64 = 1.2;
-const GRIP_BEHIND_FRACTION: f64 = 0.05;
-/// Without a reading, the last grip force is kept for this time, s: grippers are read less often than cameras, and a
-/// reading may be late.
-const GRIP_HOLDS_S: f64 = 0.3;
 /// Load over grip force above which the finger counts as loaded, even if grip and area have not settled.
 const LOADED_FRACTION: f64 = 0.2;
 /// Load over grip force below which a lighter grip leaves squeeze but hardly any slip: a third of what a friction of
@@ -84,9 +77,8 @@ pub(super) struct Estimator {
     scratch: Vec<f64>,
     motion: Option<RigidMotion>,
     stiffest_px2: f64,
-    grip_n: Option<f64>,
-    /// Time since the last reading of it, s, and whether the margin of the last frame was based on it.
-    unread_s: f64,
+    grip: Grip,
+    /// Whether the margin of the last frame was based on the grip force.
     knew_grip: bool,
     time_s: f64,
     last_ns: Option<u64>,
@@ -145,8 +137,7 @@ impl Estimator {
             scratch: vec![0.0; markers.len()],
             motion: None,
             stiffest_px2: 0.0,
-            grip_n: None,
-            unread_s: 0.0,
+            grip: Grip::default(),
             knew_grip: false,
             time_s: 0.0,
             last_ns: None,
@@ -169,7 +160,7 @@ impl Estimator {
 
     /// Whether the margin is based on grip force and stiffness, not on images alone.
     pub fn knows_grip(&self) -> bool {
-        self.stiffness_n_per_px3.is_some() && self.grip_n.is_some_and(|n| n > 0.0)
+        self.stiffness_n_per_px3.is_some() && self.grip.mean_n().is_some_and(|n| n > 0.0)
     }
 
     /// Load of the last frame as two forces: in the plane, and the torque as an equivalent force.
@@ -181,7 +172,7 @@ impl Estimator {
     /// known, N.
     pub fn load_now(&self) -> (f64, f64, Option<f64>) {
         let (force, torque) = self.load_px3;
-        (self.time_s, libm::hypot(force.length(), torque), self.grip_n)
+        (self.time_s, libm::hypot(force.length(), torque), self.grip.mean_n())
     }
 
     /// Resets after contact is lost.
@@ -192,7 +183,8 @@ impl Estimator {
         self.last_motion.clear();
         self.motion = None;
         self.stiffest_px2 = 0.0;
-        (self.grip_n, self.unread_s, self.knew_grip) = (None, 0.0, false);
+        self.grip.clear();
+        self.knew_grip = false;
         (self.time_s, self.last_ns) = (0.0, None);
         self.load.clear();
         self.middle = Middle::default();
@@ -239,20 +231,20 @@ impl Estimator {
     ) {
         (self.estimates, self.features) = (Estimates::default(), None);
         let seconds_s = self.pass_time(time_ns);
-        self.take_grip(grip, seconds_s);
+        self.grip.take(grip, seconds_s, self.reference.is_taken());
         self.load.sum(seconds_s, markers);
         self.estimates.cut_fraction = self.load.cut_fraction();
         self.window.push(Sample {
             at_s: self.time_s,
-            grip_n: grip.map(|g| g.force_n).filter(|n| n.is_finite()),
+            grip_n: self.grip.reading_n(),
             area_px2,
             rigid_px: self.window.newest().map_or(0.0, |s| s.rigid_px),
         });
         let stiffness_over_grip =
-            self.stiffness_n_per_px3.zip(self.grip_n.filter(|n| *n > 0.0)).map(|(k, grip_n)| k / grip_n);
+            self.stiffness_n_per_px3.zip(self.grip.mean_n().filter(|n| *n > 0.0)).map(|(k, grip_n)| k / grip_n);
         if !self.reference.is_taken() {
             if self.counts_from_rest {
-                self.reference.take_rest(self.grip_n, markers);
+                self.reference.take_rest(self.grip.mean_n(), markers);
             } else {
                 let loaded = stiffness_over_grip.is_some_and(|k| k * self.load.sum_px3.length() > LOADED_FRACTION);
                 self.reference.follow(seconds_s, &self.window, loaded, markers);
@@ -266,7 +258,7 @@ impl Estimator {
         if !self.reference.is_taken() {
             return;
         }
-        let growth = self.reference.growth(self.grip_n);
+        let growth = self.reference.growth(self.grip.last_mean_n());
         let touched = || markers.iter().filter(|m| m.in_contact && m.whole && m.matched);
         if let Some(middle_px) = middle_px {
             let moved = touched().fold(Vec2::ZERO, |sum, m| sum + m.now_from_rest()) / touched().count().max(1) as f64;
@@ -294,7 +286,7 @@ impl Estimator {
             point.radius = (point.rest - middle).length();
         }
         self.motion = Some(motion);
-        let force_px3 = self.load.force_px3(self.grip_n);
+        let force_px3 = self.load.force_px3(self.grip.last_mean_n());
         let hidden_px2 = self.load.hidden_px2();
         let whole_px2 = area_px2 + hidden_px2;
         let reference = &self.reference;
@@ -317,8 +309,7 @@ impl Estimator {
             sample.rigid_px = learned.rigid_px;
         }
         let hardly_pulled = stiffness_over_grip.is_some_and(|k| k * learned.load_px3 < HARDLY_PULLED_FRACTION);
-        let regrip = self.reference.regripped(self.grip_n).filter(|&way| way == Regrip::Harder || hardly_pulled);
-        if let Some(way) = regrip {
+        if let Some(way) = self.reference.regripped(self.grip.mean_n(), hardly_pulled) {
             match way {
                 Regrip::Harder => self.friction.regripped(),
                 Regrip::Lighter => self.friction.slip_counts_anew(),
@@ -358,21 +349,6 @@ impl Estimator {
         seconds_s
     }
 
-    /// Averages the last readings: a single one is noisy.
-    fn take_grip(&mut self, grip: Option<GripSample>, seconds_s: f64) {
-        let Some(force_n) = grip.map(|g| g.force_n).filter(|n| n.is_finite()) else {
-            self.unread_s += seconds_s;
-            self.grip_n = self.grip_n.filter(|_| self.unread_s <= GRIP_HOLDS_S);
-            return;
-        };
-        self.unread_s = 0.0;
-        let share = 1.0 - libm::exp(-seconds_s / GRIP_S);
-        let before = self.grip_n.unwrap_or(force_n);
-        let most_n = GRIP_BEHIND_N.max(GRIP_BEHIND_FRACTION * force_n);
-        let mean_n = before + share * (force_n - before);
-        self.grip_n = Some(mean_n.clamp(force_n - most_n, force_n + most_n));
-    }
-
     /// Ratio of the load at gross slip to mu P: see [`indentation_gain`].
     fn indentation_gain(&self, stiffness_n_per_px3: f64, grip_n: f64, seen: &Seen) -> f64 {
         let force_px3 = seen.force_px3.length();
@@ -387,7 +363,7 @@ impl Estimator {
         let load_px3 = seen.load_px3;
         let knows_grip = self.knows_grip();
         let prediction = if knows_grip { self.trees.with_grip(features) } else { self.trees.alone(features) };
-        let load = if knows_grip { load_px3 / self.grip_n.unwrap_or(1.0) } else { load_px3 };
+        let load = if knows_grip { load_px3 / self.grip.mean_n().unwrap_or(1.0) } else { load_px3 };
         if knows_grip != std::mem::replace(&mut self.knew_grip, knows_grip) {
             self.last_motion.load_is(load);
         }
@@ -395,7 +371,7 @@ impl Estimator {
         let Carried { prediction, age_frames } = self.last_motion.see(prediction, load, learned.rigid_px, floor_px);
         let mut used = Estimate { value: prediction.used.clamp(0.0, 1.2), sd: prediction.used_sd, age_frames };
         let stick = Estimate { value: prediction.stick.clamp(0.0, 1.0), sd: prediction.stick_sd, age_frames };
-        if let (Some(k), Some(grip_n)) = (self.stiffness_n_per_px3, self.grip_n.filter(|n| *n > 0.0)) {
+        if let (Some(k), Some(grip_n)) = (self.stiffness_n_per_px3, self.grip.mean_n().filter(|n| *n > 0.0)) {
             let per_grip = k * load_px3 / grip_n;
             // Rolling and settling make the rim lag, too, but at a small load nothing slides.
             used.value = used.value.min(per_grip / LEAST_FRICTION);

@@ -72,8 +72,9 @@ pub(super) struct Reference {
     touched_s: f64,
     taken: bool,
     taken_grip_n: Option<f64>,
-    /// Grip at which slip began to count.
+    /// Grip at which slip began to count, and in the frame before.
     counts_from_n: Option<f64>,
+    before_n: Option<f64>,
     /// Middle of the contact on the gel when the reference was taken and now, and shift of the squeeze, px.
     taken_middle_px: Option<Vec2>,
     middle_px: Vec2,
@@ -92,6 +93,7 @@ impl Reference {
             taken: false,
             taken_grip_n: None,
             counts_from_n: None,
+            before_n: None,
             taken_middle_px: None,
             middle_px: Vec2::ZERO,
             rolled_px: Vec2::ZERO,
@@ -101,6 +103,7 @@ impl Reference {
     /// Resets after contact is lost.
     pub fn clear(&mut self) {
         (self.touched_s, self.taken, self.taken_grip_n, self.counts_from_n) = (0.0, false, None, None);
+        self.before_n = None;
         self.recent.clear();
     }
 
@@ -189,21 +192,25 @@ impl Reference {
         }
     }
 
-    /// Change of the grip, each time it is large enough to restart the count of slip.
-    pub fn regripped(&mut self, grip_n: Option<f64>) -> Option<Regrip> {
+    /// Change of the grip, each time it is large enough to restart the count of slip; a lighter grip does so only where
+    /// the contact is `hardly_pulled`.
+    pub fn regripped(&mut self, grip_n: Option<f64>, hardly_pulled: bool) -> Option<Regrip> {
+        let before_n = std::mem::replace(&mut self.before_n, grip_n);
         let (Some(from_n), Some(now_n)) = (self.counts_from_n, grip_n) else {
             self.counts_from_n = self.counts_from_n.or(grip_n);
             return None;
         };
-        let regrip = if now_n > (1.0 + REGRIP_FRACTION) * from_n {
-            Regrip::Harder
-        } else if now_n < (1.0 - REGRIP_FRACTION) * from_n {
-            Regrip::Lighter
-        } else {
+        if now_n > (1.0 + REGRIP_FRACTION) * from_n {
+            self.counts_from_n = Some(now_n);
+            return Some(Regrip::Harder);
+        }
+        if now_n >= (1.0 - REGRIP_FRACTION) * from_n {
             return None;
-        };
-        self.counts_from_n = Some(now_n);
-        Some(regrip)
+        }
+        // Under a load a later increase counts from here, but a single low reading is not followed by one.
+        let low_n = if hardly_pulled { now_n } else { before_n.unwrap_or(from_n).max(now_n) };
+        self.counts_from_n = Some(from_n.min(low_n));
+        hardly_pulled.then_some(Regrip::Lighter)
     }
 
     /// Slip of a marker counts from where it is now.

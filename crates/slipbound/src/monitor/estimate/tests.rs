@@ -328,6 +328,101 @@ fn a_harder_grip_holds_what_has_slipped_where_it_is() {
     assert!(shear_n > 0.1 * 0.3 * estimator.points.len() as f64, "the load stays: {shear_n}");
 }
 
+/// A disc whose rim has slipped under a pull, held with 10 N for a second and then with these readings; the margin
+/// after each of them.
+fn margins_of(readings_n: &[Option<f64>]) -> Vec<f64> {
+    let (_, mut markers) = finger(1.0);
+    let mut estimator = push(1.0, Some(20.0), 0.6, 0.4);
+    for m in &mut markers {
+        let depth = (m.rest - Vec2::new(180.0, 135.0)).length() / 90.0;
+        m.in_contact = depth < 1.0;
+        let follows = if depth < 0.4 { 1.0 } else { 0.5 };
+        m.now = m.rest + if depth < 1.0 { Vec2::new(18.0 * follows, 0.0) } else { Vec2::ZERO };
+    }
+    let mut frame = 30u64;
+    let mut see = |reading_n: Option<f64>| {
+        let grip = reading_n.map(|force_n| GripSample { force_n });
+        estimator.see(Some(frame * 33_333_333), grip, AREA_PX2, None, &markers);
+        frame += 1;
+        estimator.estimates.margin.expect("a contact").value
+    };
+    (0..10).for_each(|_| _ = see(Some(20.0)));
+    readings_n.iter().map(|reading_n| see(*reading_n)).collect()
+}
+
+#[test]
+fn a_wrong_reading_of_the_grip_forgets_no_slip_and_none_is_not_no_force() {
+    let usual = margins_of(&[Some(20.0)])[0];
+    for wrong_n in [0.0, -20.0, 14.0, 60.0] {
+        let told = margins_of(&[&[Some(wrong_n)][..], &[Some(20.0); 20]].concat());
+        // 14 N for one frame may be true, and then shows more of the friction.
+        let most = if wrong_n == 14.0 { 0.05 } else { 0.001 };
+        assert!((told[20] - usual).abs() < most, "{wrong_n} N: {} for {usual}", told[20]);
+        assert!(wrong_n == 14.0 || (told[0] - usual).abs() < most, "{wrong_n} N: at once {} for {usual}", told[0]);
+    }
+    // A gripper that reads nothing but 0 N says nothing: by images alone.
+    let (zeros, nothing) = (margins_of(&[Some(0.0); 30]), margins_of(&[None; 30]));
+    assert_eq!(zeros, nothing);
+    assert!(zeros.iter().all(|margin| (-0.2..=1.0).contains(margin)), "{zeros:?}");
+}
+
+/// Settled at 10 N, then gripped with 40 N, then without readings: the gel is squeezed as before.
+#[test]
+fn readings_that_fail_change_neither_squeeze_nor_load() {
+    let (sensor, mut markers) = finger(1.0);
+    let middle = Vec2::new(180.0, 135.0);
+    let mut estimator = Estimator::new(&sensor, &markers, false);
+    let (mut shears_n, mut lags) = (Vec::new(), Vec::new());
+    for frame in 0..90u64 {
+        let force_n = 10.0 + 3.0 * (frame.max(30) - 30).min(10) as f64;
+        let times = libm::pow(force_n / 10.0, 0.85);
+        for m in &mut markers {
+            m.in_contact = (m.rest - middle).length() < 90.0;
+            // The squeeze is not the same on both sides.
+            let squeeze = (m.rest - middle) * 0.03 + Vec2::new(0.6, 0.0);
+            m.now = if m.in_contact { m.rest + squeeze * times } else { m.rest };
+        }
+        let grip = (frame < 60).then_some(GripSample { force_n });
+        estimator.see(Some(frame * 33_333_333), grip, AREA_PX2, None, &markers);
+        shears_n.push(estimator.estimates.shear_n.map(|shear_n| shear_n.value));
+        lags.push(estimator.features.map(|features| features[0]));
+    }
+    let (with_n, without_n) = (shears_n[59].expect("settled"), shears_n[89].expect("settled"));
+    assert!((with_n - without_n).abs() < 0.01, "{with_n} and {without_n} N");
+    let (with, without) = (lags[59].expect("settled"), lags[89].expect("settled"));
+    assert!((with - without).abs() < 0.001, "{with} and {without}");
+}
+
+/// A camera three times as fast as the gripper.
+#[test]
+fn frames_between_two_readings_have_the_grip_of_the_last_one() {
+    let taken = |is_read: fn(u64) -> bool| {
+        let (sensor, mut markers) = finger(1.0);
+        let mut estimator = Estimator::new(&sensor, &markers, false);
+        let mut taken_at = None;
+        for frame in 0..120u64 {
+            // The area stands from the first frame on; the force is reached after half a second.
+            let force_n = 20.0 * (frame as f64 / 45.0).min(1.0);
+            for m in &mut markers {
+                let from_middle = m.rest - Vec2::new(180.0, 135.0);
+                m.in_contact = from_middle.length() < 90.0;
+                m.now = m.rest + from_middle * (0.001 * force_n);
+            }
+            let grip = is_read(frame).then_some(GripSample { force_n });
+            estimator.see(Some(frame * 11_111_111), grip, AREA_PX2, None, &markers);
+            if estimator.has_reference() && taken_at.is_none() {
+                taken_at = Some(frame);
+            }
+        }
+        (taken_at.expect("taken"), estimator.reference.taken_grip_n().expect("known"))
+    };
+    let ((all_at, all_n), (some_at, some_n)) = (taken(|_| true), taken(|frame| frame.is_multiple_of(3)));
+    assert!(
+        some_at.abs_diff(all_at) <= 4 && (some_n - all_n).abs() < 0.3,
+        "{some_at} for {all_at}, {some_n} for {all_n}"
+    );
+}
+
 #[test]
 fn a_squeeze_is_no_load_and_grows_with_the_grip() {
     let (sensor, mut markers) = finger(1.0);

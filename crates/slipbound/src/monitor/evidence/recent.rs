@@ -106,7 +106,8 @@ impl RecentMotion {
             return Moved::default();
         }
         // The motion of a contact younger than the window is not extrapolated.
-        let whole = if back == known { 1.0 } else { window_s / passed_s } / self.pitch_px;
+        let is_young = back == known && passed_s < window_s;
+        let whole = if is_young { 1.0 } else { window_s / passed_s } / self.pitch_px;
         let (over, gel) = (minus(now.over_gel, then.over_gel), minus(now.of_gel, then.of_gel));
         Moved {
             over_pitch: whole * length(over),
@@ -173,6 +174,13 @@ mod tests {
 
     #[test]
     fn a_young_contact_is_no_fast_one_and_what_stands_has_no_pace() {
+        let slow = after_a_slide(10, 1);
+        for (moved, window_s) in slow.windows.iter().zip(WINDOWS_S).filter(|(_, window_s)| *window_s < 0.1) {
+            assert!(
+                (moved.over_pitch - 3.0 * window_s).abs() < 1e-6,
+                "a tenth of a second is not a thirtieth: {slow:?}"
+            );
+        }
         let young = after_a_slide(30, 2);
         assert!((young.windows[3].over_pitch - 0.2).abs() < 1e-6, "{young:?}");
         let mut motion = RecentMotion::new(20.0);
