@@ -23,7 +23,8 @@ static() {
 }
 
 deb() {
-    [ -e "$out/slipbound-x86_64" ] || static x86_64-unknown-linux-musl slipbound-x86_64
+    # An older program would get the version of today.
+    static x86_64-unknown-linux-musl slipbound-x86_64
     local tree=$out/deb program=$out/slipbound-x86_64 share version
     version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
     rm -rf "$tree"

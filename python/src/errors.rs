@@ -43,7 +43,8 @@ pub fn exclusive<'a, T>(mutex: &'a Mutex<T>, what: &str) -> PyResult<MutexGuard<
     match mutex.try_lock() {
         Ok(guard) => Ok(guard),
         Err(TryLockError::WouldBlock) => Err(BusyError::new_err(format!(
-            "two threads use one {what} at the same time: give each thread its own, or a lock around it"
+            "one {what} is used twice at the same time: give each thread its own, or a lock around it; what it calls (a \
+             controller, an observer) cannot use it"
         ))),
         Err(TryLockError::Poisoned(_)) => Err(internal(format!("this {what} met a fault before"))),
     }

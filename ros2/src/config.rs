@@ -148,14 +148,18 @@ pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
     };
     let domain = match (file.domain_id, domain_id) {
         (Some(id), _) => id,
-        (None, Some(text)) => text.trim().parse().map_err(|_| {
-            Error::Setting(SettingError {
-                key: "ROS_DOMAIN_ID".into(),
-                expected: format!("a whole number from 0 to {DOMAIN_MOST}"),
-                got: format!("`{text}`"),
-            })
-        })?,
-        (None, None) => 0,
+        // Set to nothing, as by a compose file, it counts as not set.
+        (None, Some(text)) if !text.trim().is_empty() => {
+            let id = text.trim().parse().ok().filter(|id| *id <= DOMAIN_MOST);
+            id.ok_or_else(|| {
+                Error::Setting(SettingError {
+                    key: "ROS_DOMAIN_ID".into(),
+                    expected: format!("a whole number from 0 to {DOMAIN_MOST}"),
+                    got: format!("`{text}`"),
+                })
+            })?
+        }
+        (None, _) => 0,
     };
     if domain > DOMAIN_MOST {
         return Err(refuse("domain_id".into(), format!("at most {DOMAIN_MOST}"), domain.to_string()));
@@ -180,12 +184,22 @@ pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
         false => Ok(()),
     };
     check_frame("hand_frame", &file.hand_frame)?;
+    if let Some(topic) = &file.gripper_state_topic
+        && Name::parse(&full_topic(&node.fully_qualified_name(), topic)).is_err()
+    {
+        return Err(refuse("gripper_state_topic".into(), "the name of a topic".into(), format!("`{topic}`")));
+    }
     let names: Vec<String> = known.iter().map(|finger| format!("`{}`", finger.name)).collect();
     let hand_fingers = format!("every finger of {} once: {}", file.hand.display(), names.join(", "));
     for (i, finger) in file.fingers.iter().enumerate() {
         let is_known = known.iter().any(|other| other.name == finger.name);
         if !is_known || file.fingers[..i].iter().any(|other| other.name == finger.name) {
             return Err(refuse(format!("fingers[{i}].name"), hand_fingers, format!("`{}`", finger.name)));
+        }
+        // The names of its topics contain it.
+        if Name::parse(&full_topic(&node.fully_qualified_name(), &format!("{}/report", finger.name))).is_err() {
+            let expected = "a name that ROS takes: letters, digits and _, no digit first".into();
+            return Err(refuse(format!("fingers[{i}].name"), expected, format!("`{}`", finger.name)));
         }
         // Two fingers with the same images would always agree.
         let topic = full_topic(&node.fully_qualified_name(), &finger.image_topic);
@@ -292,6 +306,11 @@ mod tests {
                 ["fingers[1].image_topic", "of its own, other than that of `right`", "`/right/image`"],
             ),
             ("\"/right/image\"", "\"two words\"", ["fingers[0].image_topic", "the name of a topic", "`two words`"]),
+            (
+                "domain_id = 7",
+                "gripper_state_topic = \"two words\"",
+                ["node.toml: gripper_state_topic", "the name of a topic", "`two words`"],
+            ),
             ("domain_id = 7", "hand_frame = \"/\"", ["node.toml: hand_frame", "without a slash", "`/`"]),
             ("domain_id = 7", "hand_frame = \"\"", ["node.toml: hand_frame", "name of a frame", "``"]),
             ("domain_id = 7", "namespace = \"x y\"", ["node.toml: namespace", "a namespace that ROS takes", "`x y`"]),
@@ -305,7 +324,27 @@ mod tests {
                 assert!(message.contains(part), "`{message}` lacks `{part}`");
             }
         }
-        let message = read(&NODE.replace("domain_id = 7\n", ""), Some("x")).expect_err("refused").to_string();
-        assert!(message.contains("ROS_DOMAIN_ID") && message.contains("`x`"), "{message}");
+        let anywhere = NODE.replace("domain_id = 7\n", "");
+        for text in ["x", "300"] {
+            let message = read(&anywhere, Some(text)).expect_err("refused").to_string();
+            assert!(message.contains("ROS_DOMAIN_ID: expected a whole number from 0 to 232"), "{message}");
+            assert!(message.contains(&format!("`{text}`")), "{message}");
+        }
+        assert_eq!(read(&anywhere, Some("")).expect("not set").domain_id, 0);
+        for name in ["left-thumb", "2nd"] {
+            let folder = tempfile::tempdir().expect("a folder");
+            std::fs::write(
+                folder.path().join("hand.toml"),
+                HAND.replace("\"left\"\nserial", &format!("\"{name}\"\nserial")),
+            )
+            .expect("writes");
+            let path = folder.path().join("node.toml");
+            std::fs::write(&path, NODE.replace("name = \"left\"", &format!("name = \"{name}\""))).expect("writes");
+            let message = load(&path, None).expect_err("no name of a topic").to_string();
+            let said = format!(
+                "node.toml: fingers[1].name: expected a name that ROS takes: letters, digits and _, no digit first, got `{name}`"
+            );
+            assert!(message.contains(&said), "{message}");
+        }
     }
 }

@@ -121,6 +121,11 @@ impl FingerState {
         }
         FingerState { finger, frames_count: 0, last_seq: 0, forgotten_count }
     }
+
+    /// Stops renewing its rest frame and keeps the old one.
+    pub fn stop_tare(&mut self) {
+        self.finger.stop_tare();
+    }
 }
 
 /// A finger with its topics.

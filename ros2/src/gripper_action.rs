@@ -38,6 +38,9 @@ const STILL_NS: u64 = 200_000_000;
 const STILL_FRACTION: f64 = 0.005;
 const END_FRACTION: f64 = 0.02;
 
+/// Effort with which jaws open that have not held anything yet, N. With none, an effort interface would not move.
+const OPENING_EFFORT_N: f64 = 10.0;
+
 /// Two efforts closer than this are the same goal, N.
 const SAME_N: f64 = 1e-3;
 
@@ -123,6 +126,10 @@ pub struct ActionGripper {
     still: Option<(f64, u64)>,
     /// Whether the last command was to open.
     opens: bool,
+    /// Where the joint stood when the goal to open was accepted.
+    opened_from: f64,
+    /// The last effort to hold with, N: the jaws open with it, too.
+    last_effort_n: f64,
     has_held: bool,
 }
 
@@ -163,6 +170,8 @@ impl ActionGripper {
             effort: None,
             still: None,
             opens: false,
+            opened_from: f64::NAN,
+            last_effort_n: OPENING_EFFORT_N,
             has_held: false,
         })
     }
@@ -218,6 +227,7 @@ impl ActionGripper {
         // The jaws stood still until now, which says nothing yet about a held object.
         if self.taken.is_none_or(|taken| taken.is_hold != goal.is_hold) {
             self.still = Some((self.position, now_ns));
+            self.opened_from = self.position;
         }
         self.taken = Some(goal);
     }
@@ -249,6 +259,12 @@ impl ActionGripper {
         Ok(())
     }
 
+    /// Whether the joint has moved towards its open position since the goal to open was accepted.
+    fn has_moved_open(&self) -> bool {
+        let way = self.config.open_position - self.config.closed_position;
+        (self.position - self.opened_from) / way > END_FRACTION
+    }
+
     fn jaws(&self, now_ns: u64) -> Jaws {
         let (open, closed) = (self.config.open_position, self.config.closed_position);
         let from_closed = (self.position - closed) / (open - closed);
@@ -264,7 +280,9 @@ impl ActionGripper {
                 _ if self.has_held || (stands && from_closed < 1.0 - END_FRACTION) => Jaws::Holding,
                 _ => Jaws::Closing,
             },
-            Some(_) => Jaws::Open,
+            // An accepted goal does not show that the jaws move.
+            Some(_) if from_closed >= 1.0 - END_FRACTION || self.has_moved_open() => Jaws::Open,
+            Some(_) => Jaws::Holding,
             None if from_closed >= 1.0 - END_FRACTION => Jaws::Open,
             None => Jaws::Unknown,
         }
@@ -275,9 +293,9 @@ impl Gripper for ActionGripper {
     fn command(&mut self, command: GripCommand) -> Result<(), GripperError> {
         let goal = match command {
             GripCommand::Hold { force_n } => Goal { is_hold: true, effort_n: checked_force_n(force_n)? },
-            // Nothing blocks the jaws: any effort will do.
-            GripCommand::Release => Goal { is_hold: false, effort_n: 0.0 },
+            GripCommand::Release => Goal { is_hold: false, effort_n: self.last_effort_n },
         };
+        self.last_effort_n = goal.effort_n;
         self.poll_io();
         let now_ns = now_ns();
         self.heartbeat.check(now_ns).map_err(|why| GripperError::new(GripperErrorKind::Link, why))?;

@@ -170,7 +170,10 @@ impl SlipNode {
             // A finger whose thread has panicked starts again.
             let is_whole = ended.is_some();
             let anew = || FingerState::new(config, &self.config.settings, looks, self.forgotten_count);
-            states.push(ended.unwrap_or_else(anew));
+            let mut state = ended.unwrap_or_else(anew);
+            // What is answered by nobody must not take effect later.
+            state.stop_tare();
+            states.push(state);
             finger.has_rest &= is_whole;
             let mut counters = finger.counters.lock().unwrap_or_else(PoisonError::into_inner);
             counters.has_rest &= is_whole;

@@ -3,7 +3,7 @@
 use crate::process::{LONGEST_WAIT, domain_id};
 use ros2_client::action::{ActionServer, ActionServerQosPolicies, SendGoalResponse};
 use ros2_client::{ActionTypeName, Name};
-use slipbound::port::{GripCommand, Gripper, GripperErrorKind, GripperState};
+use slipbound::port::{GripCommand, Gripper, GripperErrorKind, GripperState, Jaws};
 use slipbound_ros2::error::Error;
 use slipbound_ros2::gripper_action::{ActionGripper, ActionGripperConfig};
 use slipbound_ros2::msg::{GripperCommandGoal, GripperCommandResult, Header, JointState};
@@ -19,17 +19,19 @@ const CYCLE: Duration = Duration::from_millis(33);
 /// Delay of the answer to a goal of this force, N; None: never.
 type Answers = fn(f64) -> Option<Duration>;
 
-/// A server that executes every goal at once and answers after a delay. Its joint state is constant.
+/// A server that executes every goal at once and answers after a delay. Its joint stands where the test puts it.
 struct Server {
     stop: Arc<AtomicBool>,
     goals_n: Arc<Mutex<Vec<f64>>>,
+    position: Arc<Mutex<f64>>,
     thread: Option<thread::JoinHandle<()>>,
 }
 
 impl Server {
     fn start(name: &'static str, domain_id: u16, answers: Answers) -> Self {
         let (stop, goals_n) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Vec::new())));
-        let (stops, taken_n) = (stop.clone(), goals_n.clone());
+        let position = Arc::new(Mutex::new(0.028));
+        let (stops, taken_n, stands_at) = (stop.clone(), goals_n.clone(), position.clone());
         let thread = thread::spawn(move || {
             let mut ros = Ros::new("/", &format!("{name}_server"), domain_id).expect("joins");
             let qos = ActionServerQosPolicies {
@@ -61,12 +63,12 @@ impl Server {
                     waits
                 });
                 let header = Header { stamp: stamp(), frame_id: String::new() };
-                let (name, position) = (vec!["finger_joint".into()], vec![0.028]);
+                let (name, position) = (vec!["finger_joint".into()], vec![*stands_at.lock().expect("whole")]);
                 joints.publish(JointState { header, name, position, velocity: vec![], effort: vec![] }).expect("said");
                 sleep(Duration::from_millis(10));
             }
         });
-        Server { stop, goals_n, thread: Some(thread) }
+        Server { stop, goals_n, position, thread: Some(thread) }
     }
 
     fn goals_n(&self) -> Vec<f64> {
@@ -183,6 +185,28 @@ fn a_force_that_changes_in_every_cycle_waits_for_answers_too() {
     // The loop clears a fault half a second after it was last reported.
     let longest = faults.windows(2).map(|two| two[1].1 - two[0].1).max().expect("it is told again");
     assert!(longest < Duration::from_millis(450), "{faults:?}");
+}
+
+/// The server accepts the goal to open, but the jaws stand; later they move.
+#[test]
+fn jaws_are_open_once_they_move_and_are_told_to_with_an_effort() {
+    let (name, domain_id) = ("released", domain_id(5));
+    let mut ros = Ros::new("/", "test_released", domain_id).expect("joins");
+    let mut gripper = ActionGripper::new(&mut ros, config(name)).expect("an action");
+    let server = Server::start(name, domain_id, |_| Some(Duration::ZERO));
+    hold(&mut gripper, 20.0);
+    let release = |gripper: &mut ActionGripper| {
+        sleep(CYCLE);
+        let state = gripper.poll().expect("no fault");
+        gripper.command(GripCommand::Release).expect("taken");
+        state.jaws
+    };
+    let stuck: Vec<Jaws> = (0..40).map(|_| release(&mut gripper)).collect();
+    assert_eq!(server.goals_n()[1..], [20.0], "with the effort that held, once");
+    assert!(!stuck.contains(&Jaws::Open), "{stuck:?}");
+    *server.position.lock().expect("whole") = 0.04;
+    let moves: Vec<Jaws> = (0..20).map(|_| release(&mut gripper)).collect();
+    assert_eq!(moves.last(), Some(&Jaws::Open), "{moves:?}");
 }
 
 #[test]
