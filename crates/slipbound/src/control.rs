@@ -212,9 +212,12 @@ impl ControlLoop {
         self.slips.see(&Sign::of_hand(now_ns, &hand));
         let sensed = sensed.unwrap_or(state);
         let step = self.task.step(&Observation { now_ns, hand: &hand, gripper: &sensed, wrist: &wrist_state });
-        let fault = self.shortfall.check(now_ns, &sensed, &step).or(wrist_fault);
+        let shortfall = self.shortfall.check(now_ns, &sensed, &step);
+        // A force that the gripper does not reach need not be kept.
+        let pressed_n = sensed.force_n.filter(|_| shortfall.is_some());
+        let fault = shortfall.or(wrist_fault);
         let on_fault = fault.is_some() || self.faults.current().is_some();
-        let step = if on_fault { self.step_on_fault(step) } else { step };
+        let step = if on_fault { self.step_on_fault(step, pressed_n) } else { step };
         self.last_step = Some(step);
         let sent = self.command(&step, &sensed, gripper, wrist);
         match sent.fault.or(fault) {
@@ -281,11 +284,12 @@ impl ControlLoop {
     }
 
     /// The step while there is a fault: the wrist is paused, and the force is not lowered, nor the hand opened unless it
-    /// was told so before the fault.
-    fn step_on_fault(&mut self, step: TaskStep) -> TaskStep {
+    /// was told so before the fault. `pressed_n`: the force that the gripper exerts, N, where it stays short of the
+    /// command: the command is not lowered beyond it.
+    fn step_on_fault(&mut self, step: TaskStep, pressed_n: Option<f64>) -> TaskStep {
         let grip = match (self.last_step.map(|last| last.grip), step.grip) {
             (Some(GripCommand::Hold { force_n: last_n }), GripCommand::Hold { force_n }) => {
-                GripCommand::Hold { force_n: force_n.max(last_n) }
+                GripCommand::Hold { force_n: force_n.max(pressed_n.unwrap_or(last_n).min(last_n)) }
             }
             (Some(held @ GripCommand::Hold { .. }), GripCommand::Release) => held,
             _ => step.grip,

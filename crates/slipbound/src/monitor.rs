@@ -212,10 +212,13 @@ impl SlipMonitor {
         let held_from_start = self.evidence.starts_in_contact() && self.sensor.skin == Skin::Smooth;
         if !self.contact.touches {
             (self.alarmed, self.small_margin_frames_count) = (false, 0);
-            self.slides = held_from_start && self.slides_unseen(frame);
-            if !held_from_start {
+            // Until the object has left, or has slid to its end.
+            if held_from_start && (self.contact.held_unseen || self.slides) {
+                self.slides = self.slides_unseen(frame);
+            } else {
                 self.estimator.clear();
                 self.gross.clear();
+                self.slides = false;
             }
             return;
         }

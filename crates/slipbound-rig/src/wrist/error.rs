@@ -50,7 +50,8 @@ pub enum Error {
     /// On a new link the wrist reports a position that its last motion cannot have reached: it counts from somewhere
     /// else now, and no distance from before is known.
     #[error(
-        "{address}: expected {key} within {most} of {expected}, where it was before the link was lost, got {got}: does          it count from a new zero?"
+        "{address}: expected {key} within {most} of {expected}, where it was before the link was lost, got {got}: does \
+         it count from a new zero?"
     )]
     OtherZero {
         /// Where.

@@ -147,7 +147,7 @@ fn a_wrist_that_counts_from_a_new_zero_is_a_fault_until_it_is_where_it_was() {
     // At 0.3 rad/s and 15 mm/s it goes 0.15 rad and 7.5 mm while nobody hears of it.
     let error = relinked(&mut arm, 0.06, -6.0).expect_err("9 mm away");
     let text = error.to_string();
-    assert!(text.contains("lowered_mm within 8.5 of 3") && text.contains("got -6"), "{text}");
+    assert!(text.contains("lowered_mm within 8.5 of 3") && text.contains("got -6: does it count"), "{text}");
     assert_eq!(error.kind(), WristErrorKind::Other);
     assert!(arm.wrist.report(arm.now_ns).is_err(), "for as long as it says so");
     let text = relinked(&mut arm, 0.3, 3.0).expect_err("0.24 rad away").to_string();

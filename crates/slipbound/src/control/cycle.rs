@@ -56,7 +56,7 @@ pub struct Cycle {
     pub wrist: WristState,
     /// Command sent to the gripper.
     pub grip_command: GripCommand,
-    /// Command sent to the wrist.
+    /// Command sent to the wrist; a command of this cycle that fails is followed by a pause.
     pub wrist_command: WristCommand,
     /// Phase of the task.
     pub phase: Phase,

@@ -239,10 +239,17 @@ fn on_a_fault_the_wrist_pauses_and_the_force_is_not_lowered_nor_the_hand_opened(
     ] {
         let mut control = control(None);
         control.last_step = last.map(|grip| TaskStep { grip, wrist: turn, phase: Phase::Working });
-        let step = control.step_on_fault(TaskStep { grip: asked, wrist: turn, phase: Phase::Waiting });
+        let step = control.step_on_fault(TaskStep { grip: asked, wrist: turn, phase: Phase::Waiting }, None);
         assert_eq!(step, TaskStep { grip: given, wrist: PAUSE, phase: Phase::Waiting }, "{last:?} {asked:?}");
         // The controller starts at 10 N.
         assert_eq!(control.task.grip().force_n(), given.force_n().unwrap_or(10.0), "{last:?} {asked:?}");
+    }
+    // A gripper that reaches 17 of 20 N.
+    for (asked_n, given_n) in [(19.0, 19.0), (15.0, 17.0)] {
+        let mut control = control(None);
+        control.last_step = Some(holds(Phase::Working));
+        let step = TaskStep { grip: hold(asked_n), ..holds(Phase::Working) };
+        assert_eq!(control.step_on_fault(step, Some(17.0)).grip, hold(given_n));
     }
 }
 

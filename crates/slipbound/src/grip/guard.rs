@@ -82,7 +82,8 @@ impl Guard {
         if force_n > self.force_n {
             let before_n = std::mem::replace(&mut self.force_n, force_n);
             match self.inner.force_kept(force_n) {
-                true => self.raised_from_n = None,
+                // A force that was raised while the hand was blind is still lowered slowly.
+                true => self.raised_from_n = self.raised_from_n.map(|_| force_n),
                 false => _ = self.raised_from_n.get_or_insert(before_n),
             }
         }

@@ -1,7 +1,7 @@
 //! The grip force of a contact, from the gripper's readings.
 //!
 //! ```text
-//!   reading --> above 0, and not half or twice the mean for a single frame --> mean over 0.1 s --> held for 0.3 s
+//!   reading --> above 0, and not half or twice the mean for less than 0.05 s --> mean over 0.1 s --> held for 0.3 s
 //! ```
 //! Grippers are read less often than cameras, readings are noisy, and one can be wrong: none of this is a change of the
 //! grip.
@@ -18,10 +18,11 @@ const BEHIND_FRACTION: f64 = 0.05;
 /// Time for which the mean holds without a reading, s: grippers are read less often than cameras.
 const HOLDS_S: f64 = 0.3;
 
-/// A reading below half or above twice the mean, and this far from it, N, counts only if the next one confirms it: no
-/// gripper changes its force as fast.
+/// A reading below half or above twice the mean, and this far from it, N, counts only once a later one confirms it, at
+/// least this long after it, s: no gripper changes its force as fast, and a camera may be faster than the readings.
 const STRAY_FACTOR: f64 = 2.0;
 const STRAY_N: f64 = 3.0;
+const CONFIRMED_S: f64 = 0.05;
 
 /// The grip force of a contact.
 #[derive(Debug, Clone, Copy, Default)]
@@ -31,8 +32,8 @@ pub(super) struct Grip {
     reading_n: Option<f64>,
     /// Time since the last reading, s.
     unread_s: f64,
-    /// Whether the last reading was not believed.
-    is_doubted: bool,
+    /// A reading that is not believed yet, N, and the time since it, s.
+    doubted: Option<(f64, f64)>,
 }
 
 impl Grip {
@@ -42,16 +43,12 @@ impl Grip {
     }
 
     /// Takes the reading of a frame. `is_squeezed`: whether the contact has settled; then 0 N is no reading, and neither
-    /// is a force that one frame alone shows.
+    /// is a force that is read for a moment alone.
     pub fn take(&mut self, sample: Option<GripSample>, seconds_s: f64, is_squeezed: bool) {
         let usable = |n: &f64| n.is_finite() && (*n > 0.0 || *n == 0.0 && !is_squeezed);
         let reading_n = sample.map(|sample| sample.force_n).filter(usable);
-        let known = reading_n.zip(self.mean_n).filter(|_| is_squeezed && !self.is_doubted);
-        let is_stray = known.is_some_and(|(force_n, mean_n)| is_stray(force_n, mean_n));
-        if reading_n.is_some() {
-            self.is_doubted = is_stray;
-        }
-        let Some(force_n) = reading_n.filter(|_| !is_stray) else {
+        self.doubted = self.doubted.map(|(force_n, since_s)| (force_n, since_s + seconds_s));
+        let Some(force_n) = reading_n.filter(|&force_n| !is_squeezed || self.believes(force_n)) else {
             self.unread_s += seconds_s;
             if self.unread_s > HOLDS_S {
                 (self.mean_n, self.reading_n) = (None, None);
@@ -64,6 +61,25 @@ impl Grip {
         let most_n = BEHIND_N.max(BEHIND_FRACTION * force_n);
         let mean_n = (before_n + share * (force_n - before_n)).clamp(force_n - most_n, force_n + most_n);
         (self.mean_n, self.last_mean_n, self.reading_n) = (Some(mean_n), Some(mean_n), Some(force_n));
+    }
+
+    /// Whether a reading is near the mean, or confirms an earlier one that is not.
+    fn believes(&mut self, force_n: f64) -> bool {
+        if self.mean_n.is_none_or(|mean_n| !is_stray(force_n, mean_n)) {
+            self.doubted = None;
+            return true;
+        }
+        match self.doubted.filter(|(doubted_n, _)| !is_stray(force_n, *doubted_n)) {
+            Some((_, since_s)) if since_s >= CONFIRMED_S => {
+                self.doubted = None;
+                true
+            }
+            Some(_) => false,
+            None => {
+                self.doubted = Some((force_n, 0.0));
+                false
+            }
+        }
     }
 
     /// The mean, N; None where there has been no reading for too long.
@@ -103,12 +119,13 @@ mod tests {
     }
 
     #[test]
-    fn one_wrong_reading_is_none_and_a_second_one_counts() {
+    fn a_wrong_reading_is_none_and_one_that_is_confirmed_counts() {
         for wrong_n in [0.0, 1.0, 9.0, 60.0] {
-            assert_eq!(means(&[Some(wrong_n), Some(20.0), Some(wrong_n), Some(20.0)]), [Some(20.0); 4], "{wrong_n}");
+            let readings_n = [wrong_n, 20.0, wrong_n, wrong_n, 20.0].map(Some);
+            assert_eq!(means(&readings_n), [Some(20.0); 5], "{wrong_n}: a reading may be seen in two frames");
         }
-        let told = means(&[Some(9.0), Some(9.0)]);
-        assert_eq!((told[0], told[1]), (Some(20.0), Some(10.2)));
+        assert_eq!(means(&[Some(1.0), Some(60.0), Some(1.0), Some(60.0)]), [Some(20.0); 4], "no two agree");
+        assert_eq!(means(&[Some(9.0), Some(9.0), Some(9.0)]), [Some(20.0), Some(20.0), Some(10.2)]);
         assert_eq!(means(&[Some(12.0)]), [Some(13.2)], "a firm gripper that lets go a little");
     }
 
