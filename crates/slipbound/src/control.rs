@@ -8,7 +8,8 @@
 //! ```
 //!
 //! Guarantee: a fault of software or of a link never opens a hand. While gripper or wrist have a fault (a lost link, no
-//! answer, a refusal, a latched fast stop, a force that does not follow) the wrist is paused, the force is kept, and
+//! answer, a refusal, a latched fast stop, a force that does not follow) the wrist is paused, the force is kept (a
+//! command that the gripper does not reach may fall to what it exerts), and
 //! the loop continues to judge frames and waits, for up to ten seconds. On any other error the loop ends: the wrist is
 //! paused first, and the gripper keeps its force, or raises it to the blind force if that is set and higher.
 //!

@@ -81,10 +81,9 @@ impl Guard {
         let force_n = force_n.clamp(self.limits.least_n, self.limits.most_n);
         if force_n > self.force_n {
             let before_n = std::mem::replace(&mut self.force_n, force_n);
-            match self.inner.force_kept(force_n) {
-                // A force that was raised while the hand was blind is still lowered slowly.
-                true => self.raised_from_n = self.raised_from_n.map(|_| force_n),
-                false => _ = self.raised_from_n.get_or_insert(before_n),
+            // A force that was raised while the hand was blind stays one: it is lowered slowly.
+            if self.raised_from_n.is_none() && !self.inner.force_kept(force_n) {
+                self.raised_from_n = Some(before_n);
             }
         }
     }

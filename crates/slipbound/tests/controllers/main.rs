@@ -155,10 +155,9 @@ fn what_a_controller_adds_is_added_to_the_force_that_could_not_be_lowered() {
     assert!((31.0..36.0).contains(&told[5]), "120 N/s from there: {told:?}");
 }
 
-/// Blind for a moment, so that the force is raised to 30 N, which the gripper then refuses to lower: what `margin` wants
-/// after that is no increase over the force before.
+/// Blind for a moment, so that the force is raised to 30 N, which the gripper then refuses to lower.
 #[test]
-fn a_margin_that_has_taken_over_the_raised_force_does_not_add_it_again() {
+fn a_force_raised_while_blind_is_still_lowered_slowly_when_the_gripper_has_refused() {
     let limits = GripLimits::default().with_blind_force_n(Some(30.0));
     let law = Law::Margin(MarginSettings::default().with_stiffness_mpa_per_mm(0.05));
     let mut guard = law.controller(&limits).expect("valid");
@@ -171,13 +170,13 @@ fn a_margin_that_has_taken_over_the_raised_force_does_not_add_it_again() {
             guard.force_kept(force_n);
         }
         force_n = force_n.max(wanted_n);
-        force_n
+        (force_n, guard.is_raised())
     };
     (0..3).for_each(|_| _ = step(SlipState::Stick, 0.8));
     let blind_n = (0..6).map(|_| step(SlipState::Unjudged, 0.8)).last();
     let kept_n = (0..6).map(|_| step(SlipState::Stick, 0.8)).last();
-    assert_eq!((blind_n, kept_n), (Some(30.0), Some(30.0)));
-    let raised_n = step(SlipState::Stick, 0.1);
+    assert_eq!((blind_n, kept_n), (Some((30.0, true)), Some((30.0, true))), "and is lowered slowly");
+    let (raised_n, _) = step(SlipState::Stick, 0.1);
     assert!((31.0..36.0).contains(&raised_n), "120 N/s from 30 N: {raised_n}");
 }
 

@@ -72,7 +72,7 @@ pub(super) struct Reference {
     touched_s: f64,
     taken: bool,
     taken_grip_n: Option<f64>,
-    /// Grip at which slip began to count, and in the frame before.
+    /// Grip at which slip began to count, and that in the frame before, N.
     counts_from_n: Option<f64>,
     before_n: Option<f64>,
     /// Middle of the contact on the gel when the reference was taken and now, and shift of the squeeze, px.

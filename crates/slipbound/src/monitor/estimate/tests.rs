@@ -328,7 +328,7 @@ fn a_harder_grip_holds_what_has_slipped_where_it_is() {
     assert!(shear_n > 0.1 * 0.3 * estimator.points.len() as f64, "the load stays: {shear_n}");
 }
 
-/// A disc whose rim has slipped under a pull, held with 10 N for a second and then with these readings; the margin
+/// A disc whose rim has slipped under a pull, held with 20 N for a second and then with these readings; the margin
 /// after each of them.
 fn margins_of(readings_n: &[Option<f64>]) -> Vec<f64> {
     let (_, mut markers) = finger(1.0);
