@@ -71,7 +71,7 @@ fn wide_and_plain_kernels_give_the_same_reports() {
             wide.iter().filter(|report| report.contains("motion: Some(")).count() > 5,
             "{skin:?}: hardly a contact"
         );
-        for narrower in [Vectors::Avx2, Vectors::Baseline] {
+        for narrower in [Vectors::Avx512, Vectors::Avx2, Vectors::Baseline] {
             let plain = with_vectors(narrower, || judged(skin, size, rectified, grey, &settings));
             for (seq, (wide, plain)) in wide.iter().zip(&plain).enumerate() {
                 assert_eq!(

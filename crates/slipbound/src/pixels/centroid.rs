@@ -38,8 +38,8 @@ const FULL_WEIGHT: f64 = 8000.0;
 struct Phase {
     along: Vec<i16>,
     across: Vec<i16>,
-    /// Both, with rows padded by zeros to a whole number of [`LANES`].
-    padded: Vec<[[i16; LANES]; 2]>,
+    /// Row by row first the one, then the other, each padded by zeros to a whole number of [`LANES`].
+    padded: Vec<[i16; LANES]>,
     along_sum: i64,
     across_sum: i64,
 }
@@ -53,6 +53,8 @@ pub struct EdgeKernel {
     /// Assumed centres per pixel along each axis.
     per_px: usize,
     phases: Vec<Phase>,
+    /// 1 for each pixel of a row of the window, padded by zeros to a whole number of [`LANES`].
+    row: Vec<[i16; LANES]>,
 }
 
 impl EdgeKernel {
@@ -90,7 +92,9 @@ impl EdgeKernel {
         let phases = (0..per_px * per_px)
             .map(|i| Phase::new(half, offset(i % per_px, per_px), offset(i / per_px, per_px), scaled))
             .collect();
-        EdgeKernel { radius_px: radius, half, per_px, phases }
+        let side = 2 * half + 1;
+        let row: Vec<i16> = (0..side.next_multiple_of(LANES)).map(|x| i16::from(x < side)).collect();
+        EdgeKernel { radius_px: radius, half, per_px, phases, row: row.as_chunks().0.to_vec() }
     }
 
     /// Whether a dot centred here lies entirely within the image, including its rim.
@@ -115,18 +119,16 @@ impl EdgeKernel {
         let part = |at: usize, end: usize| half.saturating_sub(at)..side.min(end + half - at);
         let (columns, rows) = (part(column, size.width), part(row, size.height));
         let whole = columns.len() == side && rows.len() == side;
-        let line = |y: usize| &grey[(row + y - half) * size.width + column + columns.start - half..][..columns.len()];
-        // On a pixel grid the ring cancels a constant only approximately: subtract the level of the window's rim first.
-        let rim = |y: usize| line(y).iter().map(|&v| u32::from(v)).sum::<u32>();
-        let level = f64::from(rim(rows.start) + rim(rows.end - 1)) / (2 * columns.len()) as f64;
         let corner = (row + rows.start - half) * size.width + column + columns.start - half;
-        let padded_end = corner + (side - 1) * size.width + side.next_multiple_of(LANES);
-        let [fx, fy, weight_x, weight_y] = if whole && padded_end <= grey.len() {
-            let [fx, fy] = window_pull(&grey[corner..padded_end], size.width, &phase.padded, side.div_ceil(LANES));
-            [fx, fy, phase.along_sum, phase.across_sum]
+        let padded_end = corner + (side - 1) * size.width + LANES * self.row.len();
+        let [fx, fy, weight_x, weight_y, rim] = if whole && padded_end <= grey.len() {
+            let [fx, fy, rim] = window_pull(&grey[corner..padded_end], size.width, &phase.padded, &self.row);
+            [fx, fy, phase.along_sum, phase.across_sum, rim]
         } else {
-            let mut sums = [0i64; 4];
-            for y in rows {
+            let line = |y: usize| &grey[corner + (y - rows.start) * size.width..][..columns.len()];
+            let level = |y: usize| line(y).iter().map(|&v| i64::from(v)).sum::<i64>();
+            let mut sums = [0, 0, 0, 0, level(rows.start) + level(rows.end - 1)];
+            for y in rows.clone() {
                 let weights = y * side + columns.start..y * side + columns.end;
                 let (along, across) = (&phase.along[weights.clone()], &phase.across[weights]);
                 let (x_sum, y_sum) = row_pull(line(y), along, across);
@@ -136,6 +138,8 @@ impl EdgeKernel {
             }
             sums
         };
+        // On a pixel grid the ring cancels a constant only approximately: subtract the level of the window's rim.
+        let level = rim as f64 / (2 * columns.len()) as f64;
         let force = Vec2::new(fx as f64 - level * weight_x as f64, fy as f64 - level * weight_y as f64);
         Some((force / FULL_WEIGHT, at))
     }
@@ -204,52 +208,67 @@ impl Phase {
         };
         let (along, across) = (table(&|p| p.x), table(&|p| p.y));
         let sum = |table: &[i16]| table.iter().map(|&w| i64::from(w)).sum();
-        let padded = |table: &[i16]| -> Vec<[i16; LANES]> {
-            let row =
-                |row: &[i16]| (0..side.next_multiple_of(LANES)).map(|i| row.get(i).copied().unwrap_or(0)).collect();
-            let rows: Vec<i16> = table.chunks_exact(side).flat_map(|r| -> Vec<i16> { row(r) }).collect();
-            rows.as_chunks().0.to_vec()
-        };
-        let padded = padded(&along).into_iter().zip(padded(&across)).map(|(along, across)| [along, across]).collect();
+        let zeros = side.next_multiple_of(LANES) - side;
+        let padded: Vec<i16> = (along.chunks_exact(side).zip(across.chunks_exact(side)))
+            .flat_map(|(along, across)| [along, across])
+            .flat_map(|row| row.iter().copied().chain(std::iter::repeat_n(0, zeros)))
+            .collect();
+        let padded = padded.as_chunks().0.to_vec();
         Phase { along_sum: sum(&along), across_sum: sum(&across), along, across, padded }
     }
 }
 
-/// The pull over a whole window: its rows lie `stride` apart in `grey` and are `per_row` lanes long; pixels beyond a
-/// row have zero weight.
-fn window_pull(grey: &[u8], stride: usize, weights: &[[[i16; LANES]; 2]], per_row: usize) -> [i64; 2] {
+/// The pull over a whole window, and the sum of its first and last row: its rows lie `stride` apart in `grey`. `row`: 1
+/// for each pixel of a row; pixels beyond have zero weight.
+fn window_pull(grey: &[u8], stride: usize, weights: &[[i16; LANES]], row: &[[i16; LANES]]) -> [i64; 3] {
     #[cfg(target_arch = "x86_64")]
-    if super::wide::vectors() >= super::wide::Vectors::Avx2 {
-        // SAFETY: the CPU this runs on has just been found to have AVX2, the one feature the kernels need.
+    {
+        use super::wide::{Vectors, vectors};
+        // SAFETY: the CPU this runs on has just been found to have AVX2, the one feature of the kernels of that name,
+        // or AVX-512 with VNNI, the features of the other.
         #[allow(unsafe_code)]
-        match per_row {
-            1 => return unsafe { avx2::window_pull::<1>(grey, stride, weights) },
-            2 => return unsafe { avx2::window_pull::<2>(grey, stride, weights) },
-            3 => return unsafe { avx2::window_pull::<3>(grey, stride, weights) },
+        match row.len() {
+            2 if vectors() >= Vectors::Avx512Vnni => {
+                return unsafe { avx512::window_pull(grey, stride, weights, row) };
+            }
+            1 if vectors() >= Vectors::Avx2 => return unsafe { avx2::window_pull::<1>(grey, stride, weights, row) },
+            2 if vectors() >= Vectors::Avx2 => return unsafe { avx2::window_pull::<2>(grey, stride, weights, row) },
+            3 if vectors() >= Vectors::Avx2 => return unsafe { avx2::window_pull::<3>(grey, stride, weights, row) },
             _ => {}
         }
     }
-    any_window_pull(grey, stride, weights, per_row)
+    any_window_pull(grey, stride, weights, row)
 }
 
 wide! {
-    /// The twin of [`avx2::window_pull`], which gives the same sums, for windows of any width.
-    fn any_window_pull(grey: &[u8], stride: usize, weights: &[[[i16; LANES]; 2]], per_row: usize) -> [i64; 2] {
-        let (mut fx, mut fy) = (0, 0);
-        for (y, weights) in weights.chunks_exact(per_row).enumerate() {
-            let row = grey[y * stride..][..per_row * LANES].as_chunks::<LANES>().0;
-            let (mut x_sum, mut y_sum) = (0i32, 0i32);
-            for (pixels, [along, across]) in row.iter().zip(weights) {
-                for i in 0..LANES {
-                    x_sum += i32::from(i16::from(pixels[i])) * i32::from(along[i]);
-                    y_sum += i32::from(i16::from(pixels[i])) * i32::from(across[i]);
-                }
+    /// The twin of [`avx2::window_pull`] and [`avx512::window_pull`], which give the same sums, for windows of any width.
+    fn any_window_pull(grey: &[u8], stride: usize, weights: &[[i16; LANES]], row: &[[i16; LANES]]) -> [i64; 3] {
+        let mut sums = [0; 3];
+        let per_row = row.len();
+        let last = weights.len() / (2 * per_row) - 1;
+        for (y, weights) in weights.chunks_exact(2 * per_row).enumerate() {
+            let pixels = grey[y * stride..][..per_row * LANES].as_chunks::<LANES>().0;
+            let (along, across) = weights.split_at(per_row);
+            sums[0] += lanes_sum(pixels, along);
+            sums[1] += lanes_sum(pixels, across);
+            if y == 0 || y == last {
+                sums[2] += lanes_sum(pixels, row);
             }
-            fx += i64::from(x_sum);
-            fy += i64::from(y_sum);
         }
-        [fx, fy]
+        sums
     }
+}
+
+/// Sum of products.
+#[inline(always)]
+fn lanes_sum(pixels: &[[u8; LANES]], weights: &[[i16; LANES]]) -> i64 {
+    let mut sum = 0i32;
+    for (pixels, weights) in pixels.iter().zip(weights) {
+        for i in 0..LANES {
+            sum += i32::from(i16::from(pixels[i])) * i32::from(weights[i]);
+        }
+    }
+    i64::from(sum)
 }
 
 /// Sums stay in registers over a whole window instead of a row: less than half of the time of the compiled twin.
@@ -269,14 +288,16 @@ mod avx2 {
     pub(super) fn window_pull<const PER_ROW: usize>(
         grey: &[u8],
         stride: usize,
-        weights: &[[[i16; LANES]; 2]],
-    ) -> [i64; 2] {
-        let mut sums = [0; 2];
-        for (part, weights) in weights.as_chunks::<PER_ROW>().0.chunks(ROWS).enumerate() {
+        weights: &[[i16; LANES]],
+        row: &[[i16; LANES]],
+    ) -> [i64; 3] {
+        let mut sums = [0; 3];
+        let weights = weights.as_chunks::<PER_ROW>().0.as_chunks::<2>().0;
+        for (part, rows) in weights.chunks(ROWS).enumerate() {
             let (mut fx, mut fy) = (_mm256_setzero_si256(), _mm256_setzero_si256());
-            for (y, weights) in weights.iter().enumerate() {
-                let row = &grey[(part * ROWS + y) * stride..][..PER_ROW * LANES];
-                for (pixels, [along, across]) in row.as_chunks::<LANES>().0.iter().zip(weights) {
+            for (y, [along, across]) in rows.iter().enumerate() {
+                let pixels = &grey[(part * ROWS + y) * stride..][..PER_ROW * LANES];
+                for ((pixels, along), across) in pixels.as_chunks::<LANES>().0.iter().zip(along).zip(across) {
                     let pixels = _mm256_cvtepu8_epi16(bytes(pixels));
                     fx = _mm256_add_epi32(fx, _mm256_madd_epi16(pixels, words(along)));
                     fy = _mm256_add_epi32(fy, _mm256_madd_epi16(pixels, words(across)));
@@ -285,6 +306,53 @@ mod avx2 {
             sums[0] += sum(fx);
             sums[1] += sum(fy);
         }
+        let mut rim = _mm256_setzero_si256();
+        for y in [0, weights.len() - 1] {
+            let pixels = &grey[y * stride..][..PER_ROW * LANES];
+            for (pixels, ones) in pixels.as_chunks::<LANES>().0.iter().zip(row) {
+                rim = _mm256_add_epi32(rim, _mm256_madd_epi16(_mm256_cvtepu8_epi16(bytes(pixels)), words(ones)));
+            }
+        }
+        sums[2] = sum(rim);
+        sums
+    }
+}
+
+/// A third of the instructions of [`avx2`], for windows of 17 to 32 pixels a row: each is one vector.
+#[cfg(target_arch = "x86_64")]
+mod avx512 {
+    use super::LANES;
+    use crate::pixels::lanes::{sum_of_16, wide_bytes, wide_words};
+    use std::arch::x86_64::*;
+
+    /// Rows summed in 32 bits, as in [`super::avx2`].
+    const ROWS: usize = 256;
+
+    /// ```text
+    ///   32 pixels --> 16 bits each  x  32 weights  --> 16 sums of two products, 32 bits each; added over rows
+    /// ```
+    #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
+    pub(super) fn window_pull(grey: &[u8], stride: usize, weights: &[[i16; LANES]], row: &[[i16; LANES]]) -> [i64; 3] {
+        let mut sums = [0; 3];
+        let weights = weights.as_chunks::<2>().0.as_chunks::<2>().0;
+        for (part, rows) in weights.chunks(ROWS).enumerate() {
+            let (mut fx, mut fy) = (_mm512_setzero_si512(), _mm512_setzero_si512());
+            for (y, [along, across]) in rows.iter().enumerate() {
+                let Some(pixels) = grey[(part * ROWS + y) * stride..].first_chunk() else { break };
+                let pixels = _mm512_cvtepu8_epi16(wide_bytes(pixels));
+                fx = _mm512_add_epi32(fx, _mm512_madd_epi16(pixels, wide_words(along.as_flattened())));
+                fy = _mm512_add_epi32(fy, _mm512_madd_epi16(pixels, wide_words(across.as_flattened())));
+            }
+            sums[0] += sum_of_16(fx);
+            sums[1] += sum_of_16(fy);
+        }
+        let mut rim = _mm512_setzero_si512();
+        for y in [0, weights.len() - 1] {
+            let Some(pixels) = grey[y * stride..].first_chunk() else { break };
+            let pixels = _mm512_cvtepu8_epi16(wide_bytes(pixels));
+            rim = _mm512_dpwssd_epi32(rim, pixels, wide_words(row.as_flattened()));
+        }
+        sums[2] = sum_of_16(rim);
         sums
     }
 }
@@ -361,8 +429,9 @@ mod tests {
                 let pull = |widest| with_vectors(widest, || kernel.pull(&grey, size, place));
                 let plain = pull(Vectors::Baseline);
                 assert!(plain.is_some_and(|(force, _)| force.length() > 1.0));
-                assert_eq!(pull(Vectors::Avx512), plain, "dots of {diameter} px at {place:?}");
-                assert_eq!(pull(Vectors::Avx2), plain, "dots of {diameter} px at {place:?}");
+                for widest in [Vectors::Avx512Vnni, Vectors::Avx512, Vectors::Avx2] {
+                    assert_eq!(pull(widest), plain, "{widest:?}: dots of {diameter} px at {place:?}");
+                }
             }
         }
     }

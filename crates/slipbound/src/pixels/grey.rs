@@ -73,11 +73,14 @@ fn turned(flip: Flip) -> (bool, bool) {
     }
 }
 
-/// The weights, and on x86-64 their layout for vectors.
+/// The weights, and on x86-64 their layouts for vectors.
 struct Products {
     weights_65536ths: [u32; 3],
     #[cfg(target_arch = "x86_64")]
     four: avx2::Products,
+    /// None on CPUs without the features of [`avx512::grey_row`].
+    #[cfg(target_arch = "x86_64")]
+    wide: Option<avx512::Products>,
 }
 
 impl Products {
@@ -86,20 +89,33 @@ impl Products {
             weights_65536ths,
             #[cfg(target_arch = "x86_64")]
             four: avx2::Products::new(weights_65536ths),
+            #[cfg(target_arch = "x86_64")]
+            wide: (super::wide::vectors() >= super::wide::Vectors::Avx512Vnni)
+                .then(|| avx512::Products::new(weights_65536ths)),
         }
     }
 }
 
-/// A row of pixels; `row` may be longer, best by four bytes. The twin of [`avx2::grey_row`], which gives the same bits.
+/// A row of pixels; `row` may be longer, best by sixteen bytes. The twin of [`avx2::grey_row`] and
+/// [`avx512::grey_row`], which give the same bits.
 fn grey_row(row: &[u8], products: &Products, out: &mut [u8]) {
+    let mut done = 0;
+    #[cfg(target_arch = "x86_64")]
+    if let Some(products) = &products.wide {
+        // SAFETY: without the four features the kernel needs, which this CPU has been found to have, there are no
+        // products for it.
+        #[allow(unsafe_code)]
+        let wide = unsafe { avx512::grey_row(row, products, out) };
+        done = wide;
+    }
     #[cfg(target_arch = "x86_64")]
     if super::wide::vectors() >= super::wide::Vectors::Avx2 {
         // SAFETY: the CPU this runs on has just been found to have AVX2, the one feature the kernel needs.
         #[allow(unsafe_code)]
-        let done = unsafe { avx2::grey_row(row, &products.four, out) };
-        return grey_pixels(&row[3 * done..], products.weights_65536ths, &mut out[done..]);
+        let more = unsafe { avx2::grey_row(&row[3 * done..], &products.four, &mut out[done..]) };
+        done += more;
     }
-    grey_pixels(row, products.weights_65536ths, out);
+    grey_pixels(&row[3 * done..], products.weights_65536ths, &mut out[done..]);
 }
 
 fn grey_pixels(row: &[u8], [r, g, b]: [u32; 3], out: &mut [u8]) {
@@ -108,20 +124,36 @@ fn grey_pixels(row: &[u8], [r, g, b]: [u32; 3], out: &mut [u8]) {
     }
 }
 
+/// The largest weight of one product of signed numbers.
+#[cfg(target_arch = "x86_64")]
+const MOST: u32 = i16::MAX as u32;
+
+/// Four products per pixel: which of its bytes (255: none), and the weights in 65536ths. A weight above [`MOST`] is
+/// split over several; as they sum to at most 65536, four suffice.
+#[cfg(target_arch = "x86_64")]
+fn four_products(weights_65536ths: [u32; 3]) -> [(u8, u32); 4] {
+    let mut four = [(u8::MAX, 0u32); 4];
+    let mut free = four.iter_mut();
+    for (byte, mut left) in (0..).zip(weights_65536ths) {
+        while let Some(product) = if left > 0 { free.next() } else { None } {
+            *product = (byte, left.min(MOST));
+            left -= product.1;
+        }
+    }
+    four
+}
+
 /// Compilers vectorise three bytes per pixel poorly: explicit intrinsics take half the time.
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
+    use super::four_products;
     use std::arch::x86_64::*;
 
     /// Pixels per round, and the bytes it reads: the last eight pixels are read with four bytes to spare.
     const PIXELS: usize = 32;
     const READ_BYTES: usize = 3 * PIXELS + 4;
 
-    /// The largest weight of one product of signed numbers.
-    const MOST: u32 = i16::MAX as u32;
-
-    /// Four products per pixel, in two pairs: which of its bytes, and the weights in 65536ths. A weight above [`MOST`]
-    /// is split over several; as they sum to at most 65536, four suffice.
+    /// The products in two pairs.
     pub(super) struct Products {
         /// For each pair, the byte positions of four pixels, each before a zero.
         places: [[i32; 4]; 2],
@@ -130,18 +162,10 @@ mod avx2 {
 
     impl Products {
         pub(super) fn new(weights_65536ths: [u32; 3]) -> Self {
-            let mut four = [(u8::MAX, 0u32); 4];
-            let mut free = four.iter_mut();
-            for (byte, mut left) in (0..).zip(weights_65536ths) {
-                while let Some(product) = if left > 0 { free.next() } else { None } {
-                    *product = (byte, left.min(MOST));
-                    left -= product.1;
-                }
-            }
             // A position of 255 gives a zero.
             let place = |byte: u8, pixel: u8| if byte == u8::MAX { byte } else { byte + 3 * pixel };
             let pixels = |a: u8, b: u8| [0, 1, 2, 3].map(|p| i32::from_le_bytes([place(a, p), 255, place(b, p), 255]));
-            let [a, b, c, d] = four;
+            let [a, b, c, d] = four_products(weights_65536ths);
             Products {
                 places: [pixels(a.0, b.0), pixels(c.0, d.0)],
                 weights: [(a, b), (c, d)].map(|(a, b)| (a.1 | b.1 << 16) as i32),
@@ -209,6 +233,78 @@ mod avx2 {
     }
 }
 
+/// Two thirds fewer instructions than [`avx2`]: bytes go to any place of a vector in one step, and products are added
+/// as they are made.
+#[cfg(target_arch = "x86_64")]
+mod avx512 {
+    use super::four_products;
+    use crate::pixels::lanes::{load, store};
+    use std::arch::x86_64::*;
+
+    /// Pixels per round, and the bytes it reads: each sixteen pixels are read with sixteen bytes to spare.
+    const PIXELS: usize = 64;
+    const READ_BYTES: usize = 3 * PIXELS + 16;
+
+    /// The products in two pairs.
+    pub(super) struct Products {
+        /// For each pair, the byte positions of sixteen pixels, each before a zero; bits of the positions that are not
+        /// zeros.
+        places: [[u8; 64]; 2],
+        filled: [u64; 2],
+        weights: [i32; 2],
+    }
+
+    impl Products {
+        pub(super) fn new(weights_65536ths: [u32; 3]) -> Self {
+            let [a, b, c, d] = four_products(weights_65536ths);
+            let (mut places, mut filled) = ([[0; 64]; 2], [0; 2]);
+            for (k, pair) in [[a, b], [c, d]].iter().enumerate() {
+                for (at, byte) in (0..16).flat_map(|pixel| [(4 * pixel, pair[0].0), (4 * pixel + 2, pair[1].0)]) {
+                    if byte != u8::MAX {
+                        places[k][at] = 3 * (at / 4) as u8 + byte;
+                        filled[k] |= 1 << at;
+                    }
+                }
+            }
+            Products { places, filled, weights: [(a, b), (c, d)].map(|(a, b)| (a.1 | b.1 << 16) as i32) }
+        }
+    }
+
+    /// ```text
+    ///   16 pixels, 48 bytes:   r g b r g b ..   --permute-->   (r g) (r g) ..   and (b g) (b g) .. , 16 bits each
+    ///                          1/2 + r g . weights + b g . weights, of which the third byte is kept
+    /// ```
+    /// Returns how many pixels are done; the remainder is too short for a round, or has too few bytes to read.
+    #[target_feature(enable = "avx512f,avx512bw,avx512vbmi,avx512vnni")]
+    pub(super) fn grey_row(row: &[u8], products: &Products, out: &mut [u8]) -> usize {
+        let places = products.places.map(|places| load(&places));
+        let weights = products.weights.map(|pair| _mm512_set1_epi32(pair));
+        let half = _mm512_set1_epi32(32768);
+        // The third byte of each sum of two vectors.
+        let third: [u8; 64] = std::array::from_fn(|i| (4 * (i % 32) + 2) as u8);
+        let third = load(&third);
+        let (rounds, _) = out.as_chunks_mut::<PIXELS>();
+        let mut done = 0;
+        for out in rounds {
+            let Some(bytes) = row.get(3 * done..).and_then(|row| row.first_chunk::<READ_BYTES>()) else { break };
+            let mut sums = [half; 4];
+            for (k, sum) in sums.iter_mut().enumerate() {
+                let Some(pixels) = bytes[48 * k..].first_chunk() else { break };
+                let pixels = load(pixels);
+                for ((places, filled), weights) in places.iter().zip(products.filled).zip(&weights) {
+                    let pairs = _mm512_maskz_permutexvar_epi8(filled, *places, pixels);
+                    *sum = _mm512_dpwssd_epi32(*sum, pairs, *weights);
+                }
+            }
+            let [a, b, c, d] = sums;
+            let upper = _mm512_castsi512_si256(_mm512_permutex2var_epi8(c, third, d));
+            store(_mm512_inserti64x4::<1>(_mm512_permutex2var_epi8(a, third, b), upper), out);
+            done += PIXELS;
+        }
+        done
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -262,6 +358,7 @@ mod tests {
 
     #[test]
     fn wide_rows_have_the_bits_of_plain_ones() {
+        use crate::pixels::wide::{Vectors, with_vectors};
         for (width, weights) in [
             (33, [0.3, 0.7, 0.0]),
             (640, [0.299, 0.587, 0.114]),
@@ -274,16 +371,22 @@ mod tests {
         ] {
             let row: Vec<u8> = (0..3 * width as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
             let weights = GreyWeights::new(weights).rgb_65536ths;
-            let (mut wide, mut plain) = (vec![0; width], vec![1; width]);
-            let products = Products::new(weights);
-            grey_row(&row, &products, &mut wide);
+            let mut plain = vec![1; width];
             grey_pixels(&row, weights, &mut plain);
-            assert_eq!(wide, plain, "{width} pixels");
-            // As many pixels as requested, however long the row is.
-            grey_row(&row, &products, &mut wide[..32]);
-            grey_row(&[255; 96], &products, &mut wide[..32]);
-            assert!(wide[..32].iter().all(|&v| v >= 254), "a white row that ends with its last pixel");
-            assert_eq!(wide[32..], plain[32..], "{width} pixels: written beyond the end");
+            for vectors in [Vectors::Avx512Vnni, Vectors::Avx2, Vectors::Baseline] {
+                let grey_row = |row: &[u8], out: &mut [u8]| {
+                    with_vectors(vectors, || grey_row(row, &Products::new(weights), out));
+                };
+                let mut wide = vec![0; width];
+                grey_row(&row, &mut wide);
+                assert_eq!(wide, plain, "{width} pixels, {vectors:?}");
+                // As many pixels as requested, however long the row is.
+                let count = 64.min(width);
+                grey_row(&row, &mut wide[..count]);
+                grey_row(&vec![255; 3 * count], &mut wide[..count]);
+                assert!(wide[..count].iter().all(|&v| v >= 254), "a white row that ends with its last pixel");
+                assert_eq!(wide[count..], plain[count..], "{width} pixels, {vectors:?}: written beyond the end");
+            }
         }
     }
 

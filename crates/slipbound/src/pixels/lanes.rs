@@ -1,4 +1,4 @@
-//! Sixteen numbers in an AVX2 vector, for the kernels written with intrinsics.
+//! Sixteen numbers in an AVX2 vector and 64 bytes in an AVX-512 one, for the kernels written with intrinsics.
 #![cfg(target_arch = "x86_64")]
 
 use std::arch::x86_64::*;
@@ -54,4 +54,58 @@ pub(super) fn sum(of: __m256i) -> i64 {
     let pairs = _mm256_add_epi64(half(_mm256_castsi256_si128(of)), half(_mm256_extracti128_si256::<1>(of)));
     let one = _mm_add_epi64(_mm256_castsi256_si128(pairs), _mm256_extracti128_si256::<1>(pairs));
     _mm_cvtsi128_si64(one) + _mm_extract_epi64::<1>(one)
+}
+
+/// 64 bytes.
+#[inline]
+#[target_feature(enable = "avx512f")]
+pub(super) fn load(bytes: &[u8; 64]) -> __m512i {
+    // SAFETY: 64 bytes are there to be read; the load needs no alignment.
+    #[allow(unsafe_code)]
+    unsafe {
+        _mm512_loadu_si512(bytes.as_ptr().cast())
+    }
+}
+
+/// Writes 64 bytes.
+#[inline]
+#[target_feature(enable = "avx512f")]
+pub(super) fn store(from: __m512i, to: &mut [u8; 64]) {
+    // SAFETY: 64 bytes are there to be written; the store needs no alignment.
+    #[allow(unsafe_code)]
+    unsafe {
+        _mm512_storeu_si512(to.as_mut_ptr().cast(), from);
+    }
+}
+
+/// 32 bytes.
+#[inline]
+#[target_feature(enable = "avx512f")]
+pub(super) fn wide_bytes(of: &[u8; 32]) -> __m256i {
+    // SAFETY: 32 bytes are there to be read; the load needs no alignment.
+    #[allow(unsafe_code)]
+    unsafe {
+        _mm256_loadu_si256(of.as_ptr().cast())
+    }
+}
+
+/// 32 numbers of 16 bits.
+#[inline]
+#[target_feature(enable = "avx512f")]
+pub(super) fn wide_words(of: &[i16]) -> __m512i {
+    let of: &[i16; 32] = of.first_chunk().expect("as many numbers as lanes");
+    // SAFETY: 64 bytes are there to be read; the load needs no alignment.
+    #[allow(unsafe_code)]
+    unsafe {
+        _mm512_loadu_si512(of.as_ptr().cast())
+    }
+}
+
+/// The sum of sixteen numbers of 32 bits.
+#[inline]
+#[target_feature(enable = "avx512f")]
+pub(super) fn sum_of_16(of: __m512i) -> i64 {
+    let half = |eight: __m256i| _mm512_cvtepi32_epi64(eight);
+    let pairs = _mm512_add_epi64(half(_mm512_castsi512_si256(of)), half(_mm512_extracti64x4_epi64::<1>(of)));
+    _mm512_reduce_add_epi64(pairs)
 }

@@ -17,7 +17,7 @@ mod sums;
 
 use crate::image::SizePx;
 use crate::plane::{Vec2, nearest_px};
-use sums::{LANES, WEIGHED_LANES, bilinear, energy, products};
+use sums::{LANES, ROUND, WEIGHED_LANES, bilinear, energy, products};
 
 /// Sampling steps per pixel; the fit compensates the remainder.
 const STEPS_PER_PX: f64 = 16.0;
@@ -39,7 +39,7 @@ pub struct Window {
     plane: [Vec<f64>; 3],
     /// The part of the window outside which all weights are zero: only this part is sampled.
     part: Part,
-    plane_weights: Vec<[[i8; LANES]; 3]>,
+    plane_weights: Vec<[[i8; WEIGHED_LANES]; 3]>,
     plane_scale: f64,
     share_weights: Vec<i16>,
     samples: Vec<i16>,
@@ -67,7 +67,7 @@ impl Part {
 
     /// Memory for its pixels.
     fn zeros(self) -> Vec<i16> {
-        vec![0; (self.width * self.height).next_multiple_of(WEIGHED_LANES)]
+        vec![0; (self.width * self.height).next_multiple_of(ROUND)]
     }
 
     /// The values of a whole window of `side` inside this part, as integers. The rounding error of each is carried to
@@ -89,7 +89,7 @@ impl Part {
 #[derive(Debug, Clone)]
 pub struct Template {
     /// The patterns, without level and slope and multiplied by the weight of each pixel.
-    weights: Vec<[[i8; LANES]; PATTERNS]>,
+    weights: Vec<[[i8; WEIGHED_LANES]; PATTERNS]>,
     /// Levels per unit of a sum of products.
     levels: [f64; PATTERNS],
     /// Products of the patterns with one another.
@@ -337,8 +337,8 @@ fn solve(m: &mut [[f64; 5]; 4]) -> Option<[f64; 4]> {
 }
 
 /// Lists of weights, interleaved by lanes.
-fn side_by_side<const LISTS: usize>(lists: [Vec<i16>; LISTS]) -> Vec<[[i8; LANES]; LISTS]> {
-    let lists = lists.each_ref().map(|list| list.as_chunks::<LANES>().0);
+fn side_by_side<const LISTS: usize>(lists: [Vec<i16>; LISTS]) -> Vec<[[i8; WEIGHED_LANES]; LISTS]> {
+    let lists = lists.each_ref().map(|list| list.as_chunks::<WEIGHED_LANES>().0);
     (0..lists[0].len())
         .map(|i| lists.map(|list| list[i].map(|weight| weight.clamp(i8::MIN.into(), i8::MAX.into()) as i8)))
         .collect()
@@ -405,7 +405,7 @@ mod tests {
             };
             let lost = (0..side * side).find(|&i| window.share[i] != 0.0 && !within(i));
             assert_eq!(lost, None, "{tenths}: {part:?} of {side}");
-            assert!(part.height * part.width <= side * side && window.samples.len().is_multiple_of(WEIGHED_LANES));
+            assert!(part.height * part.width <= side * side && window.samples.len().is_multiple_of(ROUND));
         }
     }
 

@@ -22,6 +22,9 @@ pub enum Vectors {
     Avx2,
     /// AVX-512 with its instructions for bytes, words and double words, on vectors of any length.
     Avx512,
+    /// And with those that permute bytes (VBMI) and that add up products (VNNI): Ice Lake, Zen 4 and later. Kernels of
+    /// [`wide!`] are the same as for `Avx512`.
+    Avx512Vnni,
 }
 
 thread_local! {
@@ -38,8 +41,10 @@ pub fn vectors() -> Vectors {
 #[cfg(target_arch = "x86_64")]
 fn of_this_machine() -> Vectors {
     use std::arch::is_x86_feature_detected as has;
+    let avx512 = has!("avx512f") && has!("avx512bw") && has!("avx512dq") && has!("avx512vl");
     match () {
-        _ if has!("avx512f") && has!("avx512bw") && has!("avx512dq") && has!("avx512vl") => Vectors::Avx512,
+        _ if avx512 && has!("avx512vbmi") && has!("avx512vnni") => Vectors::Avx512Vnni,
+        _ if avx512 => Vectors::Avx512,
         _ if has!("avx2") => Vectors::Avx2,
         _ => Vectors::Baseline,
     }
@@ -89,7 +94,7 @@ macro_rules! wide {
                 // SAFETY: `vectors` has found that this CPU has the four features that `avx512` needs.
                 #[cfg(target_arch = "x86_64")]
                 #[allow(unsafe_code)]
-                $crate::pixels::wide::Vectors::Avx512 => unsafe { avx512 $(::<$constant>)? ($($argument),*) },
+                $crate::pixels::wide::Vectors::Avx512 | $crate::pixels::wide::Vectors::Avx512Vnni => unsafe { avx512 $(::<$constant>)? ($($argument),*) },
                 // SAFETY: the same of AVX2, the one feature that `avx2` needs.
                 #[cfg(target_arch = "x86_64")]
                 #[allow(unsafe_code)]
