@@ -232,7 +232,6 @@ impl CycleObserver for Console {
 }
 
 /// Adds up the score of a run that is not in lock-step; `truth` is the present ground truth, where it is known.
-#[derive(Default)]
 pub struct RunScorer {
     /// The score so far.
     pub score: RunScore,
@@ -244,6 +243,19 @@ pub struct RunScorer {
     pub refused_lowering: Option<String>,
     /// The present ground truth, set by the thread of the simulated world.
     pub truth: Arc<Mutex<Option<HandTruth>>>,
+}
+
+impl RunScorer {
+    /// Before the first cycle; see [`RunScore::new`].
+    pub fn new(limit_n: f64) -> Self {
+        RunScorer {
+            score: RunScore::new(limit_n),
+            phase: None,
+            frames_counts: Vec::new(),
+            refused_lowering: None,
+            truth: Arc::default(),
+        }
+    }
 }
 
 impl CycleObserver for RunScorer {

@@ -114,7 +114,8 @@ impl LockStep {
         let fingers = (0..scene.fingers_count()).map(|i| finger(&hand, i, monitor, fault, Box::new(hand.camera(i))));
         let control = ControlLoop::new(fingers.collect(), task)?;
         let actuators = Box::new(Direct { gripper: hand.gripper(), wrist: hand.wrist() });
-        Ok(LockStep { hand, control, actuators, score: RunScore::default() })
+        let score = RunScore::new(control.task().grip().limits().most_n);
+        Ok(LockStep { hand, control, actuators, score })
     }
 
     /// The same with other actuators, for example drivers and emulators.

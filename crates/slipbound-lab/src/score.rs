@@ -10,11 +10,8 @@ use slipbound::task::{Ending, Phase, TaskKind};
 /// Least force of the gripper, N per finger: even a perfect controller cannot press with less.
 const LEAST_GRIP_N: f64 = 5.0;
 
-/// Radius of the cap, mm, and the force per finger, N, of the largest torque that the fingers can exert.
-const CAP_RADIUS_MM: f64 = 14.0;
-const FULL_GRIP_N: f64 = 60.0;
-
-/// Least share of that torque at which a cap counts as tight: the goal of the task.
+/// A cap counts as tight at this share of the torque that friction transmits at the controller's largest force: the
+/// goal of the task.
 const TIGHT_FRACTION: f64 = 0.9;
 
 /// Turn after which a cap counts as broken loose, rad: 2 deg, within which it loses most of its torque.
@@ -33,8 +30,10 @@ pub fn most_ground_n(weight_n: f64) -> f64 {
 }
 
 /// Sums and extremes over a run.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct RunScore {
+    /// The controller's largest force, N per finger.
+    limit_n: f64,
     /// How the task ended; None if the scene ended first.
     pub ending: Option<Ending>,
     /// When, s.
@@ -54,7 +53,7 @@ pub struct RunScore {
     pub slid_mm: f64,
     /// Largest torque on a cap, N mm.
     pub torque_n_mm: f64,
-    /// Largest torque on a cap that friction can transmit at the largest grip, N mm; None until a cap has been gripped.
+    /// Largest torque on a cap that friction can transmit at that force, N mm; None until a cap has been gripped.
     full_torque_n_mm: Option<f64>,
     /// Sums over the cycles that required more than the gripper's least force.
     pressed_sum_n: f64,
@@ -64,6 +63,28 @@ pub struct RunScore {
 }
 
 impl RunScore {
+    /// Before the first cycle. `limit_n`: the controller's largest force, N per finger
+    /// ([`GripLimits::most_n`](slipbound::grip::GripLimits)).
+    pub fn new(limit_n: f64) -> Self {
+        RunScore {
+            limit_n,
+            ending: None,
+            ended_s: None,
+            time_s: 0.0,
+            alarms_count: 0,
+            most_n: 0.0,
+            least_held_n: None,
+            last: HandTruth::default(),
+            slid_mm: 0.0,
+            torque_n_mm: 0.0,
+            full_torque_n_mm: None,
+            pressed_sum_n: 0.0,
+            required_sum_n: 0.0,
+            first_alarm_used_fraction: None,
+            let_go: false,
+        }
+    }
+
     /// Adds a cycle: its time, the phase of the task, the force per finger that was commanded (None for a release), the
     /// controller's count of alarms so far, and the ground truth at that time, if known.
     pub fn add_cycle(
@@ -98,7 +119,7 @@ impl RunScore {
         if let Some(cap) = &truth.cap {
             self.torque_n_mm = self.torque_n_mm.max(cap.torque_n_mm.abs());
             if truth.grip_force_n > LEAST_GRIP_N {
-                self.full_torque_n_mm = Some(cap.limit_n_mm * FULL_GRIP_N / truth.grip_force_n);
+                self.full_torque_n_mm = Some(cap.limit_n_mm * self.limit_n / truth.grip_force_n);
             }
         }
     }
@@ -119,9 +140,7 @@ impl RunScore {
     pub fn succeeded(&self, kind: TaskKind) -> bool {
         match kind {
             TaskKind::Screw => match self.ending {
-                Some(Ending::Tight) => {
-                    self.full_torque_n_mm.is_none_or(|n_mm| self.torque_n_mm >= TIGHT_FRACTION * n_mm)
-                }
+                Some(Ending::Tight) => self.torque_fraction().is_none_or(|fraction| fraction >= TIGHT_FRACTION),
                 // With the paper's control law half of the torque may be unused at this point.
                 Some(Ending::SlipAtMost) => true,
                 _ => false,
@@ -153,10 +172,10 @@ impl RunScore {
         (self.required_sum_n > 0.0).then(|| self.pressed_sum_n / self.required_sum_n)
     }
 
-    /// Largest torque on a cap over 2 mu 60 N R; None where there is no cap.
-    pub fn torque_fraction(&self, mu: f64) -> Option<f64> {
-        self.last.cap.as_ref()?;
-        Some(self.torque_n_mm / (2.0 * mu * FULL_GRIP_N * CAP_RADIUS_MM))
+    /// Largest torque on a cap over what friction transmits at the controller's largest force, 2 mu P R; None where no
+    /// cap was gripped.
+    pub fn torque_fraction(&self) -> Option<f64> {
+        self.full_torque_n_mm.map(|full_n_mm| self.torque_n_mm / full_n_mm)
     }
 
     /// Share of the friction that was used at the first alarm; None without an alarm.
@@ -176,7 +195,7 @@ mod tests {
 
     #[test]
     fn an_object_is_lost_by_the_truth_whatever_the_task_says_of_its_end() {
-        let mut score = RunScore { ending: Some(Ending::Held), ..RunScore::default() };
+        let mut score = RunScore { ending: Some(Ending::Held), ..RunScore::new(60.0) };
         assert!(!score.is_object_lost());
         score.last.bottle = Some(BottleTruth::default());
         assert!(!score.is_object_lost());
@@ -185,7 +204,7 @@ mod tests {
         score.last =
             HandTruth { ground: Some(GroundTruth { dropped: true, ..GroundTruth::default() }), ..HandTruth::default() };
         assert!(score.is_object_lost());
-        let told = RunScore { ending: Some(Ending::Lost), ..RunScore::default() };
+        let told = RunScore { ending: Some(Ending::Lost), ..RunScore::new(60.0) };
         assert!(told.is_object_lost());
     }
 
@@ -193,7 +212,7 @@ mod tests {
 
     #[test]
     fn forces_alarms_and_the_ending_add_up_over_cycles() {
-        let mut score = RunScore::default();
+        let mut score = RunScore::new(60.0);
         score.add_cycle(SECOND_NS, Phase::Grasping, Some(10.0), 0, Some(&pressed(2.0, 0.0)));
         assert_eq!(score.least_held_n, None, "still grasping");
         score.add_cycle(2 * SECOND_NS, Phase::Working, Some(10.0), 0, Some(&pressed(10.0, 6.0)));
@@ -213,40 +232,39 @@ mod tests {
         assert_eq!(score.least_held_n, Some(9.0), "what is let go is not held");
         score.add_truth(&pressed(0.0, 0.0));
         assert_eq!(score.least_held_n, Some(9.0), "nor while nothing is commanded after that");
-        assert_eq!(RunScore::default().over_squeeze_ratio(), None);
+        assert_eq!(RunScore::new(60.0).over_squeeze_ratio(), None);
+    }
+
+    /// A cap of radius 14 mm at friction 0.6, gripped with 30 N.
+    fn turned(limit_n: f64, ending: Ending, torque_n_mm: f64, angle_rad: f64) -> RunScore {
+        let cap = CapTruth { torque_n_mm, limit_n_mm: 2.0 * 0.6 * 30.0 * 14.0, angle_rad, ..CapTruth::default() };
+        let mut score = RunScore::new(limit_n);
+        let truth = HandTruth { cap: Some(cap), ..pressed(30.0, 20.0) };
+        score.add_cycle(0, Phase::Working, Some(30.0), 0, Some(&truth));
+        score.add_cycle(SECOND_NS, Phase::Ended(ending), Some(30.0), 0, Some(&truth));
+        score
     }
 
     #[test]
-    fn torque_is_told_as_a_share_of_what_the_fingers_can_exert() {
-        let mut score = RunScore::default();
-        for torque_n_mm in [300.0, -504.0, 100.0] {
-            let cap = CapTruth { torque_n_mm, ..CapTruth::default() };
-            score.add_cycle(0, Phase::Working, None, 0, Some(&HandTruth { cap: Some(cap), ..pressed(20.0, 10.0) }));
-        }
+    fn torque_is_told_as_a_share_of_what_friction_transmits_at_the_largest_force() {
         // 2 x 0.6 x 60 N x 14 mm = 1008 N mm.
-        assert!((score.torque_fraction(0.6).expect("a cap") - 0.5).abs() < 1e-12);
-        assert_eq!(RunScore::default().torque_fraction(0.6), None);
+        assert_eq!(turned(60.0, Ending::Tight, -504.0, 1.0).torque_fraction(), Some(0.5));
+        assert_eq!(turned(40.0, Ending::Tight, 504.0, 1.0).torque_fraction(), Some(0.75));
+        assert_eq!(RunScore::new(60.0).torque_fraction(), None);
     }
 
     #[test]
     fn a_task_succeeds_when_it_ended_as_it_should() {
-        let ended = |ending: Ending| RunScore { ending: Some(ending), ..RunScore::default() };
+        let ended = |ending: Ending| RunScore { ending: Some(ending), ..RunScore::new(60.0) };
         for (kind, good) in [(TaskKind::Screw, Ending::Tight), (TaskKind::Unscrew, Ending::Opened)] {
             assert!(ended(good).succeeded(kind) && !ended(Ending::Stuck).succeeded(kind), "{kind:?}");
-            assert!(!RunScore::default().succeeded(kind), "{kind:?}: the scene was over before");
+            assert!(!RunScore::new(60.0).succeeded(kind), "{kind:?}: the scene was over before");
         }
         assert!(ended(Ending::SlipAtMost).succeeded(TaskKind::Screw));
-        // At 30 N of 60 N friction transmits 504 N mm of 1008.
-        let turned = |ending: Ending, torque_n_mm: f64, angle_rad: f64| {
-            let cap = CapTruth { torque_n_mm, limit_n_mm: 504.0, angle_rad, ..CapTruth::default() };
-            let mut score = RunScore::default();
-            let truth = HandTruth { cap: Some(cap), ..pressed(30.0, 20.0) };
-            score.add_cycle(0, Phase::Working, Some(30.0), 0, Some(&truth));
-            score.add_cycle(SECOND_NS, Phase::Ended(ending), Some(30.0), 0, Some(&truth));
-            score
-        };
+        let turned = |ending, torque_n_mm, angle_rad| turned(60.0, ending, torque_n_mm, angle_rad);
         assert!(turned(Ending::Tight, 920.0, 1.0).succeeded(TaskKind::Screw));
-        assert!(!turned(Ending::Tight, 500.0, 1.0).succeeded(TaskKind::Screw), "it slid before it was tight");
+        assert!(!turned(Ending::Tight, 700.0, 1.0).succeeded(TaskKind::Screw), "it slid before it was tight");
+        assert!(super::tests::turned(40.0, Ending::Tight, 700.0, 1.0).succeeded(TaskKind::Screw), "tight for 40 N");
         assert!(turned(Ending::SlipAtMost, 500.0, 1.0).succeeded(TaskKind::Screw), "as published");
         assert!(turned(Ending::Opened, 100.0, 0.2).succeeded(TaskKind::Unscrew));
         assert!(!turned(Ending::Opened, 100.0, 0.01).succeeded(TaskKind::Unscrew), "the fingers slid around it");
@@ -262,7 +280,7 @@ mod tests {
         let placed = |peak_force_n: f64, free_drop_mm: Option<f64>| {
             let ground = GroundTruth { weight_n: 4.0, peak_force_n, free_drop_mm, ..GroundTruth::default() };
             let last = HandTruth { ground: Some(ground), ..HandTruth::default() };
-            RunScore { ending: Some(Ending::Placed), last, ..RunScore::default() }.succeeded(TaskKind::Place)
+            RunScore { ending: Some(Ending::Placed), last, ..RunScore::new(60.0) }.succeeded(TaskKind::Place)
         };
         assert!(placed(6.0, Some(1.0)));
         assert!(!placed(6.1, Some(1.0)), "pressed on the ground");

@@ -207,7 +207,7 @@ pub fn row(cell: &TrialCell, runs: &[RunScore]) -> String {
     let right = runs.iter().filter(|run| run.succeeded(cell.task)).count();
     let mean = |of: &dyn Fn(&RunScore) -> f64| runs.iter().map(of).sum::<f64>() / count as f64;
     let worst = |of: &dyn Fn(&RunScore) -> f64| runs.iter().map(of).fold(0.0, f64::max);
-    let fractions = runs.iter().zip(&cell.scenes).filter_map(|(run, scene)| run.torque_fraction(scene.mean_mu()));
+    let fractions = runs.iter().filter_map(RunScore::torque_fraction);
     let torque = fractions.reduce(f64::min).map_or("-".into(), |t| format!("{:.1} %", 100.0 * t));
     let squeezes: Vec<f64> = runs.iter().filter_map(RunScore::over_squeeze_ratio).collect();
     let mean_squeeze = squeezes.iter().sum::<f64>() / squeezes.len() as f64;

@@ -69,12 +69,16 @@ fn clips(root: &TempDir) -> Clips {
     Clips::open(root.path(), open).expect("clips")
 }
 
-/// The records of the first trials, or the error without the folder of the clips.
 fn judge(protocol: &dyn Protocol, root: &TempDir) -> Result<Vec<TrialRecord>, String> {
-    let ours: [&'static Entry; 1] = [named("ours").expect("there is one")];
+    judge_by(&["ours"], protocol, root)
+}
+
+/// The records of the first trials, or the error without the folder of the clips.
+fn judge_by(detectors: &[&str], protocol: &dyn Protocol, root: &TempDir) -> Result<Vec<TrialRecord>, String> {
+    let detectors: Vec<&'static Entry> = detectors.iter().map(|name| named(name).expect("there is one")).collect();
     let numbers: Vec<u64> = (0..protocol.trials_count()).collect();
     let mut all = Vec::new();
-    let ran = run(protocol, &ours, &numbers, 1, &|| false, &mut |records| {
+    let ran = run(protocol, &detectors, &numbers, 1, &|| false, &mut |records| {
         all.extend(records);
         Ok(())
     });
@@ -141,6 +145,21 @@ fn a_finger_that_cannot_be_judged_leaves_the_other_and_its_window() {
     fs::create_dir(root.path().join("a")).expect("a folder");
     let note = &Wriggles::new(clips(&root), world().sensor()).tables(&beside)[0].note;
     assert!(note.ends_with("Grasps with a video that could not be judged, by the other finger alone: 1."), "{note}");
+}
+
+/// The paper's method sees this contact at another time than ours.
+#[test]
+fn the_window_is_the_same_whoever_is_asked() {
+    let root = folder(&[("a", &["left.avi"])]);
+    let of = |detectors: &[&str]| {
+        let mut records = judge_by(detectors, &Wriggles::new(clips(&root), world().sensor()), &root).expect("records");
+        records.sort_by(|a, b| a.detector.cmp(&b.detector));
+        records
+    };
+    let both = of(&["ours", "paper_as_written"]);
+    assert!(both[0].number_of("window_frames").is_some_and(|count| count > 0.0), "{both:?}");
+    assert_eq!(of(&["paper_as_written", "ours"]), both);
+    assert_eq!(of(&["paper_as_written"]), both[1..]);
 }
 
 #[test]

@@ -128,7 +128,7 @@ impl Demo {
         let (ran, score, now_ns, phase, missing) = match self.emulated.as_ref().filter(|_| self.sockets) {
             Some(emulated) => {
                 let loopback = Loopback::start(&scene, &settings, &monitor, self.fault, emulated, &faults)?;
-                let (mut queued, mut scorer) = (output.queued(keeps_frames), RunScorer::default());
+                let (mut queued, mut scorer) = (output.queued(keeps_frames), RunScorer::new(settings.grip.most_n));
                 let (ran, missing) = loopback.run(&stop, &mut queued, &mut scorer);
                 output = queued.finish();
                 (ran, scorer.score, now_ns(), scorer.phase, missing)

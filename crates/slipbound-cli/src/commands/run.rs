@@ -225,7 +225,7 @@ impl Hardware {
             }
             is_due
         };
-        let mut observer = (output.queued(keeps_frames), RunScorer::default());
+        let mut observer = (output.queued(keeps_frames), RunScorer::new(control.task().grip().limits().most_n));
         let ran = realtime::run_at_least_every(
             longest_cycle_ns,
             &mut control,

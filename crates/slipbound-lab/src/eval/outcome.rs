@@ -142,7 +142,7 @@ pub fn fractions(watched: &Watched) -> Vec<f64> {
 pub fn record(scored_trial: &ScoredTrial, entry: &Entry, watched: &Watched, seen: &[Seen]) -> TrialRecord {
     let f = fractions(watched);
     let truth = &watched.truth;
-    let is_past_gross = |n: usize| watched.gross.is_some_and(|gross| truth[n].time_s >= gross.time_s);
+    let is_past_gross = |n: usize| watched.gross.is_some_and(|gross| gross.is_shown_at(truth[n].time_s));
     let counts = |n: &usize| truth[*n].frame >= scored_trial.from_frame;
     let first = (0..truth.len()).filter(counts).find(|&n| seen[n].alarms);
     let is_judged = watched.gross.is_some() || !scored_trial.slips;
@@ -198,12 +198,12 @@ fn with_gross(record: TrialRecord, watched: &Watched, seen: &[Seen], f: &[f64]) 
     let reports_gross = |n: &usize| seen[*n].state == SlipState::Gross;
     let Some(first) = (0..truth.len()).find(reports_gross) else { return record.with("gross_said_frame", None::<u64>) };
     // A slide that changes direction has less load along the first direction, but still slides.
-    let slid = |n: usize| watched.gross.is_some_and(|gross| truth[n].time_s >= gross.time_s);
+    let slid = |n: usize| watched.gross.is_some_and(|gross| gross.is_shown_at(truth[n].time_s));
     let is_true = |n: &usize| watched.gross.is_some() && (f[*n] >= GROSS_FROM_FRACTION || slid(*n));
     let is_false = !is_true(&first);
     let record = record.with("gross_said_frame", truth[first].frame).with("gross_false", is_false);
     let Some(gross) = watched.gross else { return record };
-    let Some(began) = (0..truth.len()).find(|&n| truth[n].time_s >= gross.time_s) else { return record };
+    let Some(began) = (0..truth.len()).find(|&n| slid(n)) else { return record };
     // The first report that is not false: an early one must not count as fast.
     let Some(true_first) = (0..truth.len()).filter(reports_gross).find(is_true) else { return record };
     let slid_mm = (truth[true_first].pose.position_mm - gross.pose.position_mm).length()
@@ -232,15 +232,15 @@ fn with_estimates(
 ) -> TrialRecord {
     let truth = &watched.truth;
     let Some(gross) = watched.gross else { return record };
-    let under_load =
-        || (0..truth.len()).filter(|&n| truth[n].frame >= watched.load_from_frame && truth[n].time_s < gross.time_s);
+    let is_before = |n: usize| !gross.is_shown_at(truth[n].time_s);
+    let under_load = || (0..truth.len()).filter(|&n| truth[n].frame >= watched.load_from_frame && is_before(n));
     let scored = || under_load().filter(|&n| f[n] >= SCORED_FROM_FRACTION && is_steady(truth, n));
     let mean = |errors: &[f64]| (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64);
     let stick: Vec<f64> =
         scored().filter_map(|n| Some((seen[n].estimates.stick_ratio? - truth[n].stick_ratio?).abs())).collect();
     let margin: Vec<f64> = scored().filter_map(|n| Some((seen[n].estimates.margin? - (1.0 - f[n])).abs())).collect();
     let margin_sd: Vec<f64> = scored().filter_map(|n| seen[n].estimates.margin_sd).collect();
-    let Some(at_gross) = truth.iter().find(|truth| truth.time_s >= gross.time_s) else { return record };
+    let Some(at_gross) = truth.iter().find(|truth| gross.is_shown_at(truth.time_s)) else { return record };
     let rms_share = |errors: Vec<f64>, whole: f64| {
         let squares: Vec<f64> = errors.iter().map(|error| error * error).collect();
         mean(&squares).filter(|_| whole > 0.0).map(|square| square.sqrt() / whole)
@@ -387,6 +387,24 @@ mod tests {
             (note.as_str(), left_out_note(&[slid]).as_str()),
             (" Left out, as meant to slide and never sliding: 1.", "")
         );
+    }
+
+    /// Wherever the rounding of the frame's time falls.
+    #[test]
+    fn gross_slip_in_the_substep_of_a_frame_is_shown_by_that_frame() {
+        for frame in [30, 31, 32] {
+            let (scored_trial, mut watched) = ramp(true);
+            for truth in &mut watched.truth {
+                truth.time_s = (truth.frame * 1_000_000_000 / 30) as f64 * 1e-9;
+            }
+            watched.gross = Some(Gross { time_s: frame as f64 / 30.0, load: 1.0, pose: Default::default() });
+            let mut seen = seen(Some(frame));
+            seen[frame + 2].state = SlipState::Gross;
+            let record = record(&scored_trial, &DETECTORS[0], &watched, &seen);
+            assert_eq!(Outcome::of(&record), Some(Outcome::Late), "frame {frame}");
+            let numbers = ["gross_frame", "gross_delay_frames"].map(|key| record.number_of(key));
+            assert_eq!(numbers, [Some(frame as f64), Some(2.0)], "frame {frame}");
+        }
     }
 
     #[test]

@@ -309,8 +309,8 @@ mod tests {
         let scene = "ramp?object=scrub_sponge&force_n=20&mu=0.9&ramp_s=0.3&twist_fraction=1&grid=fast&seed=4";
         let what = Watch::new(Trial::parse(scene).expect("a trial"), Restarts::Rivals);
         let watched = watch(&what, &[], None).expect("a sound trial");
-        let gross_s = watched.gross.expect("it slides").time_s;
-        let after_count = watched.truth.iter().filter(|truth| truth.time_s >= gross_s).count() as u64;
+        let gross = watched.gross.expect("it slides");
+        let after_count = watched.truth.iter().filter(|truth| gross.is_shown_at(truth.time_s)).count() as u64;
         assert_eq!(
             after_count,
             GROSS_WITHIN_FRAMES + 1,

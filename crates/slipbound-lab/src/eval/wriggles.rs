@@ -16,7 +16,7 @@ use super::protocol::Protocol;
 use super::record::TrialRecord;
 use super::statistics::share_of;
 use super::table::{Cell, Table};
-use crate::rivals::{DETECTORS, Entry};
+use crate::rivals::{DETECTORS, Entry, Inputs};
 use slipbound::monitor::EvidenceSettings;
 use slipbound::sensor::Sensor;
 use std::path::Path;
@@ -73,6 +73,7 @@ impl Wriggles {
 
     /// The error comes with the index of its grasp.
     fn see_all(&self, detectors: &[&'static Entry]) -> Result<Vec<Judged>, (usize, String)> {
+        let (detectors, contact_by) = &with_contact(detectors);
         let next = AtomicUsize::new(0);
         let names = &self.clips.names;
         let worker = || {
@@ -81,7 +82,7 @@ impl Wriggles {
                 let n = next.fetch_add(1, Ordering::Relaxed);
                 let Some(name) = names.get(n) else { return mine };
                 let path = self.clips.path(name);
-                let judged = match grasp(&self.clips, &path, &self.sensor, detectors) {
+                let judged = match grasp(&self.clips, &path, &self.sensor, detectors, *contact_by) {
                     Err(EvalError::Unjudged { problem, .. }) => Ok(Err(problem)),
                     Err(error) => Err(format!("{}: {error}", path.display())),
                     Ok(grasp) => Ok(Ok(grasp)),
@@ -102,8 +103,26 @@ impl Wriggles {
     }
 }
 
+/// The detectors, and which of them tells when contact begins: one whose contact is ours, the first of [`DETECTORS`] if
+/// none was asked for. The window is then the same whoever is asked.
+fn with_contact(detectors: &[&'static Entry]) -> (Vec<&'static Entry>, usize) {
+    let mut detectors = detectors.to_vec();
+    let is_ours = |entry: &&'static Entry| entry.inputs != Inputs::PaperFrames;
+    let contact_by = detectors.iter().position(is_ours).unwrap_or_else(|| {
+        detectors.push(&DETECTORS[0]);
+        detectors.len() - 1
+    });
+    (detectors, contact_by)
+}
+
 /// Runs the detectors on both fingers' recordings of a grasp.
-fn grasp(clips: &Clips, folder: &Path, sensor: &Sensor, detectors: &[&'static Entry]) -> Result<Grasp, EvalError> {
+fn grasp(
+    clips: &Clips,
+    folder: &Path,
+    sensor: &Sensor,
+    detectors: &[&'static Entry],
+    contact_by: usize,
+) -> Result<Grasp, EvalError> {
     let boxed = |error: std::io::Error| other(error);
     let mut videos = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(boxed)? {
@@ -131,23 +150,21 @@ fn grasp(clips: &Clips, folder: &Path, sensor: &Sensor, detectors: &[&'static En
     if fingers.is_empty() {
         return Err(unjudged(format!("expected a finger that can be judged, got none: {}", problems.join("; "))));
     }
-    Ok(Grasp::new(fingers, problems.len()))
+    Ok(Grasp::new(fingers, problems.len(), contact_by))
 }
 
 impl Grasp {
-    /// Places the window.
-    fn new(fingers: Vec<Vec<Vec<Seen>>>, unjudged_count: usize) -> Self {
-        let from = fingers.iter().filter_map(|finger| after_contact(finger)).min();
-        let length = fingers.iter().map(|finger| finger.iter().map(Vec::len).max().unwrap_or(0)).min().unwrap_or(0);
+    /// Places the window, by the contact that the detector of this index tells.
+    fn new(fingers: Vec<Vec<Vec<Seen>>>, unjudged_count: usize, contact_by: usize) -> Self {
+        let from = fingers.iter().filter_map(|finger| after_contact(&finger[contact_by])).min();
+        let length = fingers.iter().map(|finger| finger[contact_by].len()).min().unwrap_or(0);
         let left_count = from.map_or(0, |from| length.saturating_sub(from));
         Grasp { fingers, unjudged_count, from: from.filter(|_| left_count > 0), left_count }
     }
 }
 
-/// Index of the first frame after [`CONTACT_FRAMES_COUNT`] consecutive ones with contact, by the first detector with
-/// results.
-fn after_contact(finger: &[Vec<Seen>]) -> Option<usize> {
-    let frames = finger.iter().find(|frames| !frames.is_empty())?;
+/// Index of the first frame after [`CONTACT_FRAMES_COUNT`] consecutive ones with contact.
+fn after_contact(frames: &[Seen]) -> Option<usize> {
     let mut windows = frames.windows(CONTACT_FRAMES_COUNT);
     windows.position(|some| some.iter().all(|frame| frame.touches)).map(|start| start + CONTACT_FRAMES_COUNT)
 }
@@ -285,20 +302,20 @@ mod tests {
     #[test]
     fn the_window_begins_once_contact_has_lasted() {
         let (released, short, held) = ("#".repeat(12), "#".repeat(12), "#".repeat(20));
-        assert_eq!(after_contact(&finger(&format!("{released}..{short}.{held}"))), Some(27 + 13));
-        assert_eq!(after_contact(&finger(&format!("{released}.{short}"))), None);
-        assert_eq!(after_contact(&[Vec::new()]), None);
+        assert_eq!(after_contact(&finger(&format!("{released}..{short}.{held}"))[1]), Some(27 + 13));
+        assert_eq!(after_contact(&finger(&format!("{released}.{short}"))[1]), None);
+        assert_eq!(after_contact(&[]), None);
     }
 
     #[test]
     fn every_grasp_is_seen_as_long_as_the_shortest_that_touches() {
         let touched = |left_count: usize| finger(&format!("....{}", "#".repeat(13 + left_count)));
-        let grasp = |left_count: usize| Grasp::new(vec![touched(left_count)], 0);
-        let bare = || Grasp::new(vec![finger("......")], 0);
+        let grasp = |left_count: usize| Grasp::new(vec![touched(left_count)], 0, 1);
+        let bare = || Grasp::new(vec![finger("......")], 0, 1);
         assert_eq!(window_count([grasp(90), bare(), grasp(70)].iter()), 70);
         assert_eq!(window_count([bare()].iter()), 0);
         // A video that ends before the first frame of its window leaves the others theirs.
-        let over = Grasp::new(vec![touched(0), finger("....")], 0);
+        let over = Grasp::new(vec![touched(0), finger("....")], 0, 1);
         assert_eq!((over.from, over.left_count), (None, 0));
         assert_eq!(window_count([grasp(90), over, grasp(70)].iter()), 70);
     }

@@ -18,6 +18,17 @@ pub struct Gross {
     pub pose: Pose,
 }
 
+/// Frame times are whole nanoseconds, those of gross slip sums of substeps: one that begins in a frame's own substep may
+/// differ from its time by the rounding of both, s.
+const SAME_TIME_S: f64 = 1e-6;
+
+impl Gross {
+    /// Whether the frame of this time shows gross slip, or comes after it.
+    pub fn is_shown_at(&self, time_s: f64) -> bool {
+        time_s >= self.time_s - SAME_TIME_S
+    }
+}
+
 /// Stick ratio up to which hardly any cell sticks, and the number of substeps of that which is gross slip: two frames,
 /// in which the load of a ramp of 2 s grows by more than is missing to the largest work.
 pub(crate) const FULL_SLIP_STICK_RATIO: f64 = 0.05;

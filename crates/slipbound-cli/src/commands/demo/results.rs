@@ -17,11 +17,12 @@ pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<R
     let right = Some(run.succeeded(scene.task()));
     let ending = run.ending.map_or("not before the end of the scene".into(), ending_name);
     rows.push(row("ended", ending, "", right));
-    if let Some(fraction) = run.torque_fraction(scene.mean_mu()) {
+    if let Some(fraction) = run.torque_fraction() {
         let value = format!("{:.0} N mm, {:.0} %", run.torque_n_mm, 100.0 * fraction);
         match scene.task() {
             TaskKind::Screw => {
-                rows.push(row("largest torque on the cap", value, "90 % of 2 mu 60 N R", Some(fraction >= 0.9)))
+                let target = format!("90 % of 2 mu P R at P = {} N", settings.grip.most_n);
+                rows.push(row("largest torque on the cap", value, &target, Some(fraction >= 0.9)))
             }
             _ => rows.push(row("largest torque on the cap", value, "", None)),
         }
