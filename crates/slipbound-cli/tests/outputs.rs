@@ -323,6 +323,17 @@ fn numbers_and_options_that_mean_nothing_are_refused() {
         ("trials --seeds 0", "--seeds"),
         ("trials --first-seed 18446744073709551615 --seeds 2", "--first-seed"),
         ("eval ramps --trials 0 -o ev", "--trials"),
+        ("eval ramps --trials 18446744073709551615 -o ev", "--trials"),
+        ("eval table1 --trials 400 -o ev", "--trials: expected at most the 320 of table1, got 400"),
+        (
+            "eval wriggles --seed 7 -o ev",
+            "--seed: expected with `table1`, `ramps`, `quiet`, `unseen` and `slides` only",
+        ),
+        (
+            "eval lifts --trials 3 -o ev",
+            "--trials: expected with `table1`, `ramps`, `quiet`, `unseen` and `slides` only",
+        ),
+        ("eval merge a b --jobs 2 -o ev", "--jobs: expected with `table1`, "),
         ("eval ramps --trials 1 --refit -o ev", "--refit: expected with `lifts` only, got ramps"),
         ("eval slides --trials 1 --data . -o ev", "--data: expected with `lifts` and `wriggles` only, got slides"),
         ("record sim -o r.mcap --for-s nan", "--for-s: expected seconds above 0, at most 1000000000, got NaN"),

@@ -129,10 +129,17 @@ fn records_in_a_folder_outlive_a_resumed_sweep_that_is_killed() {
     drop(folder);
     assert_eq!(fs::read_to_string(&lines_path).expect("records"), whole);
 
-    for broken in [&[line(0, "ours"), line(1, "ours")].concat(), &line(0, "paper")] {
+    let trial = |number: u64| [line(number, "ours"), line(number, "paper")].concat();
+    for (broken, expected) in [
+        (&[line(0, "ours"), line(1, "ours")].concat(), "line 2: expected the record of paper on trial 0"),
+        (&line(0, "paper"), "line 1: expected the record of ours on trial 0"),
+        (&[trial(0), trial(0)].concat(), "line 3: expected a trial after 0, got 0"),
+        (&[trial(1), trial(0)].concat(), "line 3: expected a trial after 1, got 0"),
+        (&[trial(0), trial(3)].concat(), "line 3: expected a trial of shard 1/1 of 3 trials, got 3"),
+    ] {
         fs::write(&lines_path, broken).expect("writes");
-        let error = open().expect_err("half a trial that is not the last").to_string();
-        assert!(error.contains("expected the record of "), "{error}");
+        let error = open().expect_err("not as a sweep writes it").to_string();
+        assert!(error.contains(expected), "{error}");
         assert_eq!(&fs::read_to_string(&lines_path).expect("records"), broken, "nothing is thrown away");
     }
 

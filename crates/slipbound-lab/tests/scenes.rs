@@ -42,6 +42,22 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     all
 }
 
+/// A flat face that is pulled slides at mu P, whatever the grip is at the time.
+#[test]
+fn the_load_fraction_is_of_the_grip_of_its_frame() {
+    let (truths, gross) = run("regrip?object=crayons_box&force_n=10&mu=0.5&grid=fast");
+    let gross = gross.expect("it slides");
+    let (mut least_n, mut most_n) = (f64::MAX, 0.0f64);
+    let under_load = |truth: &&FrameTruth| !gross.is_shown_at(truth.time_ns as f64 * 1e-9) && truth.load > Some(0.2);
+    for truth in truths.iter().filter(under_load) {
+        let (fraction, grip_n) = (truth.load_fraction.expect("it slides in the end"), truth.grip_force_n);
+        let expected = truth.wrench.force_n.length() / (0.5 * grip_n);
+        assert!((fraction / expected - 1.0).abs() < 0.05, "frame {}: {fraction}, expected {expected}", truth.frame);
+        (least_n, most_n) = (least_n.min(grip_n), most_n.max(grip_n));
+    }
+    assert!(most_n > 1.5 * least_n, "the grip changes under the load: {least_n} to {most_n} N");
+}
+
 const SHORT: &str = "shear?grid=fast&rest_frames=2&press_s=0.1&settle_s=0.05&distance_mm=0.6";
 
 fn recorded(text: &str) -> BTreeMap<String, Vec<u8>> {

@@ -17,13 +17,17 @@ use slipbound_lab::eval::{Protocol, Sweep, SweepError, TrialRecord, simulated, t
 use slipbound_lab::fit::kept;
 use slipbound_lab::rivals::{DETECTORS, Entry, named};
 use slipbound_rig::{sensors, source};
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 /// The protocols; the last of them joins folders.
 const PROTOCOLS: [&str; 8] = ["table1", "ramps", "quiet", "unseen", "slides", "lifts", "wriggles", "merge"];
+/// Those that simulate their trials, and those that judge.
+const SIMULATED: [&str; 5] = ["table1", "ramps", "quiet", "unseen", "slides"];
+const JUDGING: [&str; 7] = ["table1", "ramps", "quiet", "unseen", "slides", "lifts", "wriggles"];
+/// Largest number of trials of a sweep.
+const TRIALS_MOST: u64 = 10_000_000;
 
 /// The arguments of `slipbound eval`.
 #[derive(Debug, clap::Args)]
@@ -34,18 +38,18 @@ pub struct Eval {
     /// With `merge`: the folders of all shards
     #[arg(value_name = "FOLDER")]
     folders: Vec<PathBuf>,
-    /// Seed of the trials
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
+    /// Seed of the simulated trials [default: 0]
+    #[arg(long)]
+    seed: Option<u64>,
     /// Judge with these detectors alone, by commas or several times [default: all]
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = DETECTORS.map(|entry| entry.name))]
     detector: Vec<String>,
     /// How many trials instead of the protocol's own number; a different number is another sweep
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=TRIALS_MOST))]
     trials: Option<u64>,
     /// Only a part of the trials: the Ith of N
-    #[arg(long, value_name = "I/N", value_parser = shard, default_value = "1/1")]
-    shard: Shard,
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    shard: Option<Shard>,
     /// Trials at a time [default: as many as there are cores]
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
@@ -80,6 +84,17 @@ fn shard(text: &str) -> Result<Shard, String> {
     }
 }
 
+/// Refuses an option that is given with another protocol than those it is made for.
+fn refuse_elsewhere(option: &str, is_given: bool, of: &[&str], protocol: &str) -> Result<(), Failure> {
+    if !is_given || of.contains(&protocol) {
+        return Ok(());
+    }
+    let mut of: Vec<String> = of.iter().map(|name| format!("`{name}`")).collect();
+    let last = of.pop().unwrap_or_default();
+    let of = if of.is_empty() { last } else { format!("{} and {last}", of.join(", ")) };
+    Err(Failure::Arguments(anyhow::Error::msg(format!("{option}: expected with {of} only, got {protocol}"))))
+}
+
 /// Fails where nothing could be judged.
 fn refuse_unjudged(protocol: &dyn Protocol, records: &[TrialRecord]) -> Result<(), Failure> {
     let first = records.first().and_then(|record| Some((&record.trial, record.unjudged()?)));
@@ -95,6 +110,7 @@ fn refuse_unjudged(protocol: &dyn Protocol, records: &[TrialRecord]) -> Result<(
 impl Eval {
     /// Runs the missing trials, then writes tables and page.
     pub fn run(&self) -> Result<Outcome, Failure> {
+        self.refuse_without_effect()?;
         if self.protocol == "merge" {
             return self.merge();
         }
@@ -102,20 +118,37 @@ impl Eval {
             let text = format!("{}: expected folders with `merge` only, got {}", self.protocol, folder.display());
             return Err(Failure::Arguments(anyhow::Error::msg(text)));
         }
-        let protocol = self.protocol_of(&self.protocol, self.seed, self.trials, self.refit)?;
+        let seed = self.seed.unwrap_or(0);
+        let protocol = self.protocol_of(&self.protocol, seed, self.trials, self.refit)?;
+        if let Some(trials) = self.trials.filter(|&trials| trials > protocol.trials_count()) {
+            let what = format!(
+                "--trials: expected at most the {} of {}, got {trials}",
+                protocol.trials_count(),
+                self.protocol
+            );
+            return Err(Failure::Arguments(anyhow::Error::msg(what)));
+        }
         let detectors = self.detectors()?;
-        let sweep = Sweep {
-            protocol: protocol.name().into(),
-            seed: self.seed,
-            trials_count: protocol.trials_count(),
-            software_version: env!("CARGO_PKG_VERSION").into(),
-            settings: protocol.settings().into_iter().collect::<BTreeMap<_, _>>(),
-        };
+        let sweep = Sweep::new(&*protocol, seed).map_err(|error| Failure::Work(error.into()))?;
         let names: Vec<&str> = detectors.iter().map(|entry| entry.name).collect();
         let path = self.output.clone().unwrap_or_else(|| format!("eval-{}", self.protocol).into());
-        let mut folder = SweepFolder::open(&path, &sweep, &names, self.shard)?;
+        let mut folder = SweepFolder::open(&path, &sweep, &names, self.shard.unwrap_or(Shard::WHOLE))?;
         self.judge(&*protocol, &detectors, &mut folder)?;
         self.finish(&*protocol, &folder)
+    }
+
+    /// Refuses options that mean nothing to this protocol.
+    fn refuse_without_effect(&self) -> Result<(), Failure> {
+        for (option, is_given, of) in [
+            ("--seed", self.seed.is_some(), &SIMULATED[..]),
+            ("--trials", self.trials.is_some(), &SIMULATED),
+            ("--detector", !self.detector.is_empty(), &JUDGING),
+            ("--shard", self.shard.is_some(), &JUDGING),
+            ("--jobs", self.jobs.is_some(), &JUDGING),
+        ] {
+            refuse_elsewhere(option, is_given, of, &self.protocol)?;
+        }
+        Ok(())
     }
 
     fn protocol_of(
@@ -130,17 +163,13 @@ impl Eval {
             ("--data", self.data.is_some(), &["lifts", "wriggles"]),
             ("--left-out", self.left_out.is_some(), &["ramps"]),
         ] {
-            if is_given && !of.contains(&name) {
-                let of = of.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(" and ");
-                let text = format!("{option}: expected with {of} only, got {name}");
-                return Err(Failure::Arguments(anyhow::Error::msg(text)));
-            }
+            refuse_elsewhere(option, is_given, of, name)?;
         }
         match name {
             "lifts" => Ok(Box::new(Lifts::new(self.clips("gelsight-lift")?, finger("gelsight")?, refit))),
             "wriggles" => {
                 let clips = self.clips("gelsight-mini-wriggle")?;
-                Ok(Box::new(Wriggles::new(clips, finger("gelsight_mini_near")?)))
+                Ok(Box::new(Wriggles::new(clips, finger("gelsight_mini_near")?, self.jobs())))
             }
             "ramps" if self.left_out.is_some() => Ok(Box::new(self.left_out(Ramps::new(seed, trials))?)),
             _ => simulated(name, seed, trials).map_err(Failure::arguments),
@@ -193,6 +222,10 @@ impl Eval {
         Clips::open(&folder, |uri| Ok(source::open(uri)?)).map_err(Failure::arguments)
     }
 
+    fn jobs(&self) -> usize {
+        self.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
+    }
+
     fn detectors(&self) -> Result<Vec<&'static Entry>, Failure> {
         let recorded = matches!(self.protocol.as_str(), "lifts" | "wriggles");
         if self.detector.is_empty() {
@@ -228,7 +261,7 @@ impl Eval {
         if missing.is_empty() {
             return Ok(());
         }
-        let jobs = self.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+        let jobs = self.jobs();
         let stop = interruption::listen()?;
         let terminal = Terminal::with_bar_of(missing.len() as u64, "trials");
         let mut keep = |records: Vec<TrialRecord>| {

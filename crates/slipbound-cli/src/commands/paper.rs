@@ -74,13 +74,7 @@ impl Paper {
     fn table1(&self, stop: &AtomicBool) -> Result<Vec<Part>, Failure> {
         let protocol: Box<dyn Protocol> = simulated("table1", self.seed, self.trials).map_err(Failure::arguments)?;
         let detectors: Vec<&'static Entry> = DETECTORS.iter().collect();
-        let sweep = Sweep {
-            protocol: protocol.name().into(),
-            seed: self.seed,
-            trials_count: protocol.trials_count(),
-            software_version: env!("CARGO_PKG_VERSION").into(),
-            settings: protocol.settings().into_iter().collect(),
-        };
+        let sweep = Sweep::new(&*protocol, self.seed).map_err(|error| Failure::Work(error.into()))?;
         let names = DETECTORS.map(|entry| entry.name);
         let path = self.output.join("table1");
         let mut folder = SweepFolder::open(&path, &sweep, &names, Shard::WHOLE)?;

@@ -315,6 +315,8 @@ fn whole_trials(path: &Path, about: &SweepFile) -> Result<(Vec<TrialRecord>, u64
         got,
     };
     let (mut records, mut end, mut whole_count, mut whole_end) = (Vec::<TrialRecord>::new(), 0, 0, 0);
+    let Shard { number: first, of } = about.shard;
+    let is_of_it = |number: u64| number < about.sweep.trials_count && number % of == first - 1;
     for (n, line) in bytes.split_inclusive(|&byte| byte == b'\n').enumerate() {
         end += line.len() as u64;
         let Some(line) = line.strip_suffix(b"\n") else { break };
@@ -326,6 +328,13 @@ fn whole_trials(path: &Path, about: &SweepFile) -> Result<(Vec<TrialRecord>, u64
         if (record.number, &record.detector) != (number, due) {
             let got = format!("{} on {}", record.detector, record.number);
             return Err(broken(n, format!("the record of {due} on trial {number}"), got));
+        }
+        if records.len() == whole_count && !is_of_it(number) {
+            let expected = format!("a trial of shard {first}/{of} of {} trials", about.sweep.trials_count);
+            return Err(broken(n, expected, number.to_string()));
+        }
+        if let Some(last) = records.last().filter(|last| records.len() == whole_count && last.number >= number) {
+            return Err(broken(n, format!("a trial after {}", last.number), number.to_string()));
         }
         records.push(record);
         if records.len() - whole_count == about.detectors.len() {

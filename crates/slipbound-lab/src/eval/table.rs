@@ -1,5 +1,8 @@
 //! Tables of a sweep, as Markdown and as JSON.
 
+use super::digest::of_method;
+use super::error::EvalError;
+use super::protocol::Protocol;
 use super::statistics::Estimated;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -20,6 +23,21 @@ pub struct Sweep {
     /// Everything else that changes a record: detectors, data, options.
     #[serde(default)]
     pub settings: std::collections::BTreeMap<String, String>,
+}
+
+impl Sweep {
+    /// The sweep of a protocol with this seed, judged by this program: `method` among the settings is a digest of how it
+    /// simulates and judges a short trial, which is run for it.
+    pub fn new(protocol: &dyn Protocol, seed: u64) -> Result<Self, EvalError> {
+        let method = ("method".to_owned(), of_method()?);
+        Ok(Sweep {
+            protocol: protocol.name().into(),
+            seed,
+            trials_count: protocol.trials_count(),
+            software_version: env!("CARGO_PKG_VERSION").into(),
+            settings: protocol.settings().into_iter().chain([method]).collect(),
+        })
+    }
 }
 
 /// An entry of a table.
@@ -55,6 +73,11 @@ impl Cell {
         Cell::Number(Estimated { value: Some(value), low: None, high: None, n }, decimals)
     }
 
+    /// A published share, in percent as printed: without interval.
+    pub fn published(percent: f64, n: u64) -> Cell {
+        Cell::Share(Estimated { value: Some(percent / 100.0), low: None, high: None, n })
+    }
+
     /// The number with its interval.
     fn text(&self) -> String {
         let shown = |estimated: &Estimated, scale: f64, decimals: usize| {
@@ -70,7 +93,8 @@ impl Cell {
         match self {
             Cell::Word(word) => word.clone(),
             Cell::Count(count) => count.to_string(),
-            Cell::Share(share) => shown(share, 100.0, 1),
+            // A published one keeps its two decimals.
+            Cell::Share(share) => shown(share, 100.0, if share.low.is_some() { 1 } else { 2 }),
             Cell::Number(number, decimals) => shown(number, 1.0, *decimals),
             Cell::None => "-".into(),
         }

@@ -162,7 +162,7 @@ impl Protocol for Table1 {
             all.rows.extend(row(name.into(), &paper));
             strong.rows.extend(row(name.into(), &more));
         }
-        let [right, fp, fn_] = PUBLISHED.map(|percent| Cell::plain(percent, 240, 2));
+        let [right, fp, fn_] = PUBLISHED.map(|percent| Cell::published(percent, 240));
         let mut published = vec!["as published, on real touch".into(), Cell::Count(240), right, fp, fn_];
         published.resize(HEAD.len(), Cell::None);
         all.rows.push(published);
@@ -179,7 +179,7 @@ impl Protocol for Table1 {
                     failing.rows.push(vec![name.into(), object.into(), right_share(&paper), right_share(&more)]);
                 }
             }
-            let cells = [published, at_strong].map(|percent| Cell::plain(percent, 24, 2));
+            let cells = [published, at_strong].map(|percent| Cell::published(percent, 24));
             failing.rows.push(["as published".into(), object.into()].into_iter().chain(cells).collect());
         }
         let mut tables = vec![all];
@@ -331,8 +331,14 @@ mod tests {
             (&row[2], &row[4], &row[5]),
             (&Cell::Share(share(2, 4)), &Cell::Share(share(2, 4)), &Cell::Word("1 + 1".into()))
         );
-        assert_eq!(tables[0].rows.last().map(|row| row[2].clone()), Some(Cell::plain(86.25, 240, 2)));
+        assert_eq!(tables[0].rows.last().map(|row| row[2].clone()), Some(Cell::published(86.25, 240)));
         assert!(matches!(&row[9], Cell::Number(area, _) if area.value == Some(2.0 / 3.0)), "{:?}", row[9]);
+        assert!(tables[0].markdown().contains("| as published, on real touch | 240 | 86.25 | 0.83 | 12.92 |"));
+        for (table, row) in tables.iter().flat_map(|table| table.rows.iter().map(move |row| (table, row))) {
+            for (column, cell) in table.columns.iter().zip(row).filter(|(column, _)| column.ends_with('%')) {
+                assert!(!matches!(cell, Cell::Number(..)), "{}: {column}: a share is a fraction in JSON", table.title);
+            }
+        }
         // A fifth with an unknown truth.
         let never = TrialRecord { truth: None, ..record(4, Outcome::InTime, 2.0) };
         let never = never.with("outcome", None::<&str>).with("reaches_gross", false);

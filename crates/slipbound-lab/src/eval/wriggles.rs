@@ -35,6 +35,7 @@ const UNJUDGED_VIDEOS: &str = "unjudged_videos";
 pub struct Wriggles {
     clips: Clips,
     sensor: Sensor,
+    jobs: usize,
     /// Results on every grasp, by finger and detector; computed together, because the shortest clip determines the
     /// window.
     seen: OnceLock<Result<Vec<Judged>, (usize, String)>>,
@@ -57,9 +58,9 @@ struct Grasp {
 }
 
 impl Wriggles {
-    /// The grasps of a folder, from a finger.
-    pub fn new(clips: Clips, sensor: Sensor) -> Self {
-        Wriggles { clips, sensor, seen: OnceLock::new() }
+    /// The grasps of a folder, from a finger; this many are judged at a time.
+    pub fn new(clips: Clips, sensor: Sensor, jobs: usize) -> Self {
+        Wriggles { clips, sensor, jobs, seen: OnceLock::new() }
     }
 
     /// Every grasp, for the trial of one of them.
@@ -90,9 +91,8 @@ impl Wriggles {
                 mine.push((n, judged));
             }
         };
-        let jobs = std::thread::available_parallelism().map_or(1, usize::from);
         let mut done: Vec<(usize, Result<Judged, String>)> = std::thread::scope(|scope| {
-            let threads: Vec<_> = (0..jobs).map(|_| scope.spawn(worker)).collect();
+            let threads: Vec<_> = (0..self.jobs.max(1)).map(|_| scope.spawn(worker)).collect();
             threads.into_iter().flat_map(|thread| thread.join().unwrap_or_default()).collect()
         });
         done.sort_by_key(|(n, _)| *n);
