@@ -287,7 +287,7 @@ def paper_mask(kernels, grey, pitch_px):
     """The marker mask of the paper's settings in cv2, from our flat picture: local thresholds, close, dilate."""
     # Lengths of the released code are px at a pitch of 15.2 px.
     of_pitch = lambda px: max(1, int(px / 15.2 * pitch_px + 0.5))
-    side = int(31 / 15.2 * pitch_px / 2 + 0.5) * 2 + 1
+    side = 31 if pitch_px == 15.2 else int((31 / 15.2 * pitch_px - 1) / 2 + 0.5) * 2 + 1
     flat = kernels.picture("flatten_gaussian", [side, side, 31 / 15.2 * pitch_px, 50, 2, 20], grey)
     around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (of_pitch(45), of_pitch(45)))
     levels = np.full_like(flat, 90)

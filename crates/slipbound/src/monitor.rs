@@ -151,8 +151,10 @@ impl SlipMonitor {
         if let Some(seq) = self.rebase_from.take() {
             self.rebase(seq);
         }
+        let schedule = self.schedule.clone();
         let due = self.schedule.see(frame.time_ns, self.contact.touches, self.markers.complete());
         if let Err(reason) = self.imprint.take(frame, due.contact || self.settings.markers.finder_needs_flat()) {
+            self.schedule = schedule; // what was due is due in the next frame
             return self.unjudged(frame.seq, frame.time_ns, grip, reason);
         }
         if self.gap.see(frame.seq, frame.time_ns) {

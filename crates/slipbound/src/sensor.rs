@@ -14,6 +14,9 @@ use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
+/// Largest marker of a sensor, px.
+pub(crate) const MOST_MARKER_DIAMETER_PX: f64 = 64.0;
+
 /// Whether markers are darker or brighter than the gel around them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -167,7 +170,7 @@ impl Sensor {
             within("grey_weights_rgb", weight, 0.0, 1.0)?;
         }
         within("grey_weights_rgb (sum)", self.grey_weights_rgb.iter().sum(), 0.01, 1.0 + 1e-9)?;
-        within("marker_diameter_px", self.marker_diameter_px, 3.0, 64.0)?;
+        within("marker_diameter_px", self.marker_diameter_px, 3.0, MOST_MARKER_DIAMETER_PX)?;
         within("pitch_px", self.pitch_px, 1.5 * self.marker_diameter_px, 512.0)?;
         if let Some(pitch_mm) = self.pitch_mm {
             within("pitch_mm", pitch_mm, 0.1, 20.0)?;

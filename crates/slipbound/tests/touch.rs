@@ -160,6 +160,73 @@ fn a_rest_frame_in_which_an_object_is_known_to_be_held_is_in_contact_though_noth
     }
 }
 
+/// However near to each other the markers are, in cells of the image.
+#[test]
+fn a_gel_that_is_touched_in_its_first_frames_is_known_to_be_so() {
+    for (width, height, pitch_px, diameter_px) in [
+        (320, 240, 15.2, 5.3),
+        (320, 240, 20.0, 7.0),
+        (320, 240, 30.8, 11.0),
+        (640, 480, 26.5, 8.4),
+        (640, 480, 40.0, 14.0),
+    ] {
+        let size = SizePx::new(width, height);
+        let mut painter = Painter::new(size, pitch_px, diameter_px, Skin::Smooth, 0.0, 3);
+        let (middle, radius_px) = (Vec2::new(width as f64, height as f64) / 2.0, 0.25 * height as f64);
+        let object = Touch { centre: middle, radii_px: Vec2::new(1.1, 0.9) * radius_px, strength_levels: 40.0 };
+        let mut look_at = |bare: Option<f64>, touched: Option<&Touch>, seed: u64| {
+            painter.sensor.bare_sharpness = bare;
+            let mut builder = RestBuilder::new(&painter.sensor, &Settings::default(), size).expect("valid");
+            builder.look(&frame(&painter.paint(&painter.rest, touched, seed), size, 0))
+        };
+        let finger = format!("{size}, pitch {pitch_px} px, dots of {diameter_px} px");
+        let bare = look_at(None, None, 1);
+        assert!(bare.sharpness > 0.1 && !bare.touched, "{finger}: {bare:?}");
+        let own = Some(bare.sharpness);
+        assert!(!look_at(own, None, 2).touched && look_at(own, Some(&object), 3).touched, "{finger}");
+    }
+}
+
+/// Of 640x480 px, where wide cells would all be covered by markers.
+#[test]
+fn a_press_between_large_markers_is_a_contact() {
+    let size = SizePx::new(640, 480);
+    for (pitch_px, diameter_px) in [(22.8, 13.6), (24.0, 15.0), (26.0, 15.6)] {
+        let painter = Painter::new(size, pitch_px, diameter_px, Skin::Smooth, 0.0, 3);
+        let object =
+            Touch { centre: Vec2::new(320.0, 240.0), radii_px: Vec2::new(160.0, 140.0), strength_levels: 32.0 };
+        let mut builder = RestBuilder::new(&painter.sensor, &Settings::default(), size).expect("valid");
+        builder.add(&frame(&painter.paint(&painter.rest, None, 900), size, 0)).expect("bright");
+        let rest = builder.build(RestKind::Unloaded).expect("markers");
+        let mut monitor = SlipMonitor::new(&painter.sensor, &Settings::default(), rest).expect("valid");
+        let shown: Vec<Vec<u8>> = (0..8).map(|i| painter.paint(&painter.rest, Some(&object), i)).collect();
+        let report = shown.iter().zip(1..).map(|(rgb, seq)| monitor.step(&frame(rgb, size, seq), None)).last();
+        let share = report.expect("frames").contact.area_px2 / (std::f64::consts::PI * 160.0 * 140.0);
+        assert!((0.75..1.25).contains(&share), "pitch {pitch_px} px: {share} of the touched area");
+    }
+}
+
+/// A strobed light: of a camera of 90 Hz every third frame is dark, as often as the contact region is due.
+#[test]
+fn a_contact_ends_though_frames_are_dark_in_step_with_the_schedule() {
+    for skin in [Skin::Smooth, Skin::Fabric] {
+        let (painter, mut monitor) = finger(skin);
+        let dark = vec![0; 3 * SIZE.area()];
+        let mut state = |i: u64| {
+            let object = touch(55.0);
+            let rgb = painter.paint(&painter.rest, (6..30).contains(&i).then_some(&object), i);
+            let is_dark = i >= 18 && i.is_multiple_of(3);
+            let mut frame = frame(if is_dark { &dark } else { &rgb }, SIZE, i);
+            frame.time_ns = Some(i * 11_111_111);
+            monitor.step(&frame, None).state
+        };
+        let states: Vec<SlipState> = (0..48).map(&mut state).collect();
+        assert!(states[17] != SlipState::NoContact && states[18] == SlipState::Unjudged, "{skin:?}: {states:?}");
+        let is_free = |state: &SlipState| matches!(state, SlipState::NoContact | SlipState::Unjudged);
+        assert!(states[38..].iter().all(is_free), "{skin:?}: {states:?}");
+    }
+}
+
 /// The rest frame shows a touched and sheared finger: when released, its markers spring back to positions not seen
 /// before.
 #[test]

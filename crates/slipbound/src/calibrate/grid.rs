@@ -13,7 +13,7 @@ use crate::pixels::dots::{DotFinder, Spot};
 use crate::pixels::patch::mean_window;
 use crate::pixels::warp::WarpTable;
 use crate::plane::Vec2;
-use crate::sensor::Polarity;
+use crate::sensor::{MOST_MARKER_DIAMETER_PX, Polarity};
 use std::collections::BTreeMap;
 
 /// The rectified image ends this far beyond the outermost markers, in pitches.
@@ -127,9 +127,13 @@ impl Grid {
         Some(())
     }
 
-    /// Finds the dots again, through the map, and fits the map again.
+    /// Finds the dots again, through the map, and fits the map again. Dots larger than a sensor may have are left as they
+    /// are: its check says so.
     pub fn refine(&mut self, grey: &[u8], camera_px: SizePx) -> Option<()> {
         for round in 0..ROUNDS_COUNT {
+            if self.diameter_px > MOST_MARKER_DIAMETER_PX {
+                break;
+            }
             let near_pitch = if round == 0 { NEAR_PITCH.0 } else { NEAR_PITCH.1 };
             self.redetect(grey, camera_px, near_pitch);
             self.fit()?;

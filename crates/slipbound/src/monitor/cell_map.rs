@@ -11,6 +11,8 @@ const CELLS_PX: [usize; 3] = [4, 8, 16];
 const FINE_PITCH: f64 = 0.17;
 const COARSE_PITCH: f64 = 0.36;
 const MOST_COUNT: usize = 10_000;
+/// The gap between four markers is this many cells wide: then one of them is free, wherever the grid lies.
+const BETWEEN_CELLS: f64 = 2.2;
 
 /// The geometry of cells on the rectified image: which camera cell each shows.
 #[derive(Debug, Clone)]
@@ -26,14 +28,16 @@ pub(crate) struct CellMap {
 impl CellMap {
     /// Cells of a sixth of a pitch: fine enough to see between large markers, coarse enough to average noise. Up to
     /// twice as wide where there would be too many to process in a frame: contact and evidence are then nearly as good
-    /// (bench/eval.md).
+    /// (bench/eval.md). Not wider than what markers leave of the gel between four of them.
     pub(crate) fn cell_px(sensor: &Sensor) -> usize {
         let size = sensor.rectified_px();
         let count = |c: usize| (size.width / c) * (size.height / c);
         let reach = |share: f64| move |c: &usize| *c as f64 <= share * sensor.pitch_px;
         let fine = CELLS_PX.into_iter().rev().find(reach(FINE_PITCH)).unwrap_or(CELLS_PX[0]);
-        let wide = CELLS_PX.into_iter().filter(reach(COARSE_PITCH)).find(|&c| c >= fine && count(c) <= MOST_COUNT);
-        wide.or(CELLS_PX.into_iter().rev().find(reach(COARSE_PITCH))).unwrap_or(fine)
+        let between_px = std::f64::consts::SQRT_2 * sensor.pitch_px - 2.0 * cover_radius_px(sensor);
+        let sees = |c: &usize| reach(COARSE_PITCH)(c) && (*c <= fine || *c as f64 <= between_px / BETWEEN_CELLS);
+        let wide = CELLS_PX.into_iter().filter(sees).find(|&c| c >= fine && count(c) <= MOST_COUNT);
+        wide.or(CELLS_PX.into_iter().rev().find(sees)).unwrap_or(fine)
     }
 
     pub(crate) fn new(sensor: &Sensor, cells: &Cells) -> Self {
@@ -129,6 +133,11 @@ mod tests {
         ] {
             let sensor = Sensor { image_px: SizePx::new(width, height), pitch_px, ..smooth() };
             assert_eq!(CellMap::cell_px(&sensor), cell_px, "{width} x {height}, pitch {pitch_px} px");
+        }
+        // Large markers leave no room for wide cells.
+        for (pitch_px, marker_diameter_px, cell_px) in [(22.8, 8.0, 8), (22.8, 14.0, 4), (33.0, 22.0, 8)] {
+            let sensor = Sensor { image_px: SizePx::new(640, 480), pitch_px, marker_diameter_px, ..smooth() };
+            assert_eq!(CellMap::cell_px(&sensor), cell_px, "pitch {pitch_px} px, dots of {marker_diameter_px} px");
         }
     }
 

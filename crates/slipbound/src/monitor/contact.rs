@@ -12,7 +12,7 @@ mod displaced;
 mod illumination;
 mod shading;
 
-pub(super) use illumination::{illumination, roughness_levels};
+pub(super) use illumination::illumination;
 
 use crate::image::Mask;
 use crate::monitor::imprint::Imprint;

@@ -99,6 +99,12 @@ pub(super) struct Imprint {
     repeats: bool,
 }
 
+/// Width of the released code's Gaussian at a pitch, an odd number of pixels, and its sigma, px.
+fn gaussian(pitch_px: f64) -> (usize, f64) {
+    let width_px = 31.0 / 15.2 * pitch_px;
+    (((width_px - 1.0) / 2.0).round() as usize * 2 + 1, width_px)
+}
+
 impl Imprint {
     /// For frames of [`Sensor::image_px`]; all memory is allocated here.
     pub(super) fn new(sensor: &Sensor, settings: &ImprintSettings, extra: Extra) -> Self {
@@ -111,8 +117,8 @@ impl Imprint {
                 Smooth::Decimated(Background::new(size, 0.58 * sensor.pitch_px))
             }
             Illumination::Gaussian => {
-                let side = (31.0 / 15.2 * sensor.pitch_px / 2.0).round() as usize * 2 + 1;
-                let gaussian = Gaussian::new(size, [side, side], 31.0 / 15.2 * sensor.pitch_px);
+                let (side, sigma_px) = gaussian(sensor.pitch_px);
+                let gaussian = Gaussian::new(size, [side, side], sigma_px);
                 Smooth::Gaussian(gaussian, vec![0.0; size.area()])
             }
         };
@@ -289,6 +295,12 @@ mod tests {
     use crate::image::Rgb;
     use crate::pixels::grey::grey_from_rgb;
     use crate::sensor::tests::smooth;
+
+    #[test]
+    fn the_gaussian_of_the_released_code_is_31_px_wide_at_its_pitch() {
+        assert_eq!([15.2, 30.8, 7.6].map(|pitch_px| gaussian(pitch_px).0), [31, 63, 15]);
+        assert!((gaussian(15.2).1 - 31.0).abs() < 1e-9);
+    }
 
     #[test]
     fn rows_below_the_last_cells_are_in_the_grey_picture_too() {

@@ -6,12 +6,13 @@
 
 mod choose;
 mod lattice;
+mod sharpness;
 
 pub use choose::{RestChoice, RestLook};
 
 use crate::image::{Frame, SizePx};
 use crate::monitor::cell_map::{CellMap, cover_radius_px};
-use crate::monitor::contact::{illumination, roughness_levels, texture_share};
+use crate::monitor::contact::{illumination, texture_share};
 use crate::monitor::imprint::{Extra, Imprint};
 use crate::monitor::markers::{Detector, RestMarker};
 use crate::monitor::report::Reason;
@@ -21,6 +22,7 @@ use crate::plane::Vec2;
 use crate::sensor::{Flip, Sensor, Skin};
 use crate::setting::SettingError;
 use choose::CellImage;
+use sharpness::{Sharpness, covered, wide_radius_px};
 
 /// An imprint is sharper than the untouched finger by this factor; noise and JPEG change sharpness by a tenth.
 const IMPRINT_RATIO: f64 = 1.35;
@@ -32,6 +34,8 @@ pub struct RestBuilder {
     settings: Settings,
     imprint: Imprint,
     map: CellMap,
+    /// For a smooth skin.
+    sharpness: Option<Sharpness>,
     detector: Detector,
     looks: Vec<CellImage>,
     grey_sum: Vec<u32>,
@@ -58,6 +62,7 @@ impl RestBuilder {
             frames_count: 0,
             seq: 0,
             map,
+            sharpness: (sensor.skin == Skin::Smooth).then(|| Sharpness::new(&sensor)),
             imprint,
             settings: settings.clone(),
             sensor,
@@ -87,19 +92,16 @@ impl RestBuilder {
             self.looks.push(CellImage::default());
             return look;
         }
-        let radius_px = (0.4 * self.sensor.pitch_px).max(cover_radius_px(&self.sensor));
+        let spots = self.spots();
         let now = CellImage {
             cells: (0..self.map.count()).map(|i| self.map.colour(&self.imprint.cells, i)).collect(),
-            covered: self.covered(radius_px),
+            covered: covered(&self.map, &spots, wide_radius_px(&self.sensor)),
         };
         let before = self.looks.last().filter(|p| !p.cells.is_empty());
         look.change_levels = before.map_or(f64::INFINITY, |before| before.change_levels(&now));
-        look.sharpness = match self.sensor.skin {
-            Skin::Fabric => texture_share(&self.sensor, &self.settings.contact, &self.imprint),
-            Skin::Smooth => {
-                let border_cells = (self.sensor.marker_diameter_px / self.map.cell_px as f64).ceil() as usize;
-                roughness_levels(&now.cells, &now.covered, self.map.columns, border_cells)
-            }
+        look.sharpness = match &mut self.sharpness {
+            Some(sharpness) => sharpness.levels(&frame.pixels, &spots),
+            None => texture_share(&self.sensor, &self.settings.contact, &self.imprint),
         };
         look.mean_levels = Some(self.imprint.mean_levels);
         look.touched = look.sharpness > self.bare_sharpness();
@@ -107,12 +109,14 @@ impl RestBuilder {
         look
     }
 
-    /// Highest sharpness of an untouched finger: see [`RestLook::sharpness`].
+    /// Highest sharpness of an untouched finger: see [`RestLook::sharpness`]. Infinite for a smooth gel whose file does not
+    /// state it and whose markers are so near to each other that their rims count.
     pub fn bare_sharpness(&self) -> f64 {
         let own = self.sensor.bare_sharpness.map(|bare| IMPRINT_RATIO * bare);
-        own.unwrap_or(match self.sensor.skin {
-            Skin::Fabric => self.settings.contact.on_area_fraction,
-            Skin::Smooth => self.settings.rest.imprint_levels,
+        own.unwrap_or(match &self.sharpness {
+            None => self.settings.contact.on_area_fraction,
+            Some(sharpness) if sharpness.is_wide() => self.settings.rest.imprint_levels,
+            Some(_) => f64::INFINITY,
         })
     }
 
@@ -128,13 +132,10 @@ impl RestBuilder {
         choose::choose(looks, &self.looks, &self.settings.rest, &self.settings.contact)
     }
 
-    /// Cells covered by a marker in the last image, and cells that the camera does not see entirely.
-    fn covered(&mut self, radius_px: f64) -> Vec<bool> {
-        let mut covered = self.map.unseen.clone();
-        for spot in self.detector.spots(&self.imprint, self.settings.markers.birth_min_levels) {
-            self.map.cover(spot.position, radius_px, &mut covered);
-        }
-        covered
+    /// The spots of the last image, px.
+    fn spots(&mut self) -> Vec<Vec2> {
+        let spots = self.detector.spots(&self.imprint, self.settings.markers.birth_min_levels);
+        spots.iter().map(|spot| spot.position).collect()
     }
 
     /// Averages a frame into the rest frame.
@@ -170,7 +171,8 @@ impl RestBuilder {
         if markers.len() < expected_count as usize {
             return Err(RestError::FewMarkers { expected_count, got_count: markers.len() });
         }
-        let cells_covered = self.covered(cover_radius_px(&self.sensor));
+        let spots = self.spots();
+        let cells_covered = covered(&self.map, &spots, cover_radius_px(&self.sensor));
         let mut cells: Vec<[f32; 3]> = self.cells_sum.iter().map(|s| s.map(|v| v / n as f32)).collect();
         if kind == RestKind::InContact && self.sensor.skin == Skin::Smooth {
             illumination(&mut cells, &cells_covered, self.map.columns);

@@ -137,10 +137,11 @@ wide! {
         }
     }
 
-    /// Adds to each sum the one `away` further on; the last `away` are unchanged.
+    /// Adds to each sum the one `away` further on; the last `away` are unchanged. Sums beyond those of this row, left by
+    /// an image with more channels, may wrap; none of them is read.
     fn add_right(sums: &[u16], away: usize, out: &mut [u16]) {
         let right = &sums[away.min(sums.len())..];
-        out.iter_mut().zip(sums.iter().zip(right)).for_each(|(out, (a, b))| *out = a + b);
+        out.iter_mut().zip(sums.iter().zip(right)).for_each(|(out, (a, b))| *out = a.wrapping_add(*b));
     }
 }
 
@@ -163,5 +164,16 @@ mod tests {
         let grey: Vec<u8> = vec![255; size.area()];
         cells.run(&Pixels::Gray(Gray::new(&grey, size).expect("whole")));
         assert_eq!(cells.means_levels(), &[[255.0; 3]; 2]);
+    }
+
+    /// Sums of the larger image are left over.
+    #[test]
+    fn a_grey_image_after_a_colour_one_has_its_own_means() {
+        let size = SizePx::new(64, 16);
+        let mut cells = Cells::new(size, 16);
+        let white = vec![255; 3 * size.area()];
+        cells.run(&Pixels::Rgb(Rgb::new(&white, size).expect("whole")));
+        cells.run(&Pixels::Gray(Gray::new(&white[..size.area()], size).expect("whole")));
+        assert_eq!(cells.means_levels(), &[[255.0; 3]; 4]);
     }
 }

@@ -1,7 +1,5 @@
 //! The illumination of the untouched gel, separated from the sharper imprint of an object.
 
-use crate::pixels::binomial::Binomial;
-
 /// The rest image of a finger that is already touched: a smooth surface (a polynomial of degree 6) fitted robustly to
 /// the cells. The imprint is sharper than illumination can be and counts as outliers.
 pub(crate) fn illumination(cells: &mut [[f32; 3]], covered: &[bool], columns: usize) {
@@ -80,33 +78,6 @@ fn solve<const N: usize, const M: usize>(rows: &mut [[f64; M]; N]) -> Option<[[f
     Some(std::array::from_fn(|r| std::array::from_fn(|c| rows[r][N + c])))
 }
 
-/// Sharpness of an image of cells: the 99th percentile of the difference between a cell and its neighbourhood, in
-/// levels. Illumination alone stays below about 5; an imprint does not. A marker cut by the border of the image is no
-/// spot, so cells within `border_cells` of the border do not count.
-pub(crate) fn roughness_levels(cells: &[[f32; 3]], covered: &[bool], columns: usize, border_cells: usize) -> f64 {
-    let rows = cells.len() / columns;
-    let shown = |i: usize| {
-        let (x, y) = (i % columns, i / columns);
-        let inside = x.min(y) >= border_cells && x + border_cells < columns && y + border_cells < rows;
-        inside && !covered[i]
-    };
-    let weighed = |(i, c): (usize, &[f32; 3])| if shown(i) { [c[0], c[1], c[2], 1.0] } else { [0.0; 4] };
-    let mut values: Vec<[f32; 4]> = cells.iter().enumerate().map(weighed).collect();
-    Binomial::new(columns, values.len()).run(&mut values);
-    let mut sharp: Vec<f32> = Vec::with_capacity(cells.len());
-    for (i, (cell, around)) in cells.iter().zip(&values).enumerate() {
-        // Where more than 0.3 of the neighbourhood is hidden, its mean is off centre.
-        if shown(i) && around[3] > 0.7 * 256.0 {
-            sharp.push((0..3).map(|c| (cell[c] - around[c]).abs()).fold(0.0, f32::max));
-        }
-    }
-    if sharp.is_empty() {
-        return 0.0;
-    }
-    let at = sharp.len() * 99 / 100;
-    f64::from(*sharp.select_nth_unstable_by(at, f32::total_cmp).1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -165,29 +136,5 @@ mod tests {
         let before = hidden.clone();
         illumination(&mut hidden, &vec![true; COLUMNS * ROWS], COLUMNS);
         assert_eq!(hidden, before);
-    }
-
-    #[test]
-    fn an_imprint_is_sharp_and_light_and_cut_or_covered_cells_are_not() {
-        let seen = vec![false; COLUMNS * ROWS];
-        let sharp_levels = |cells: &[[f32; 3]], covered: &[bool]| roughness_levels(cells, covered, COLUMNS, 3);
-        assert!(sharp_levels(&cells(), &seen) < 1.0, "{}", sharp_levels(&cells(), &seen));
-        let mut touched = cells();
-        imprint(&mut touched, 6.0);
-        let levels = sharp_levels(&touched, &seen);
-        assert!((8.0..30.0).contains(&levels), "{levels}");
-        // A spot in a covered cell, or within three cells of the border, does not count.
-        for spots in
-            [[(20, 15), (21, 15)], [(0, 15), (2, 8)], [(39, 15), (37, 4)], [(9, 0), (30, 2)], [(9, 29), (30, 27)]]
-        {
-            let mut spotted = cells();
-            let mut covered = seen.clone();
-            for (x, y) in spots {
-                spotted[y * COLUMNS + x] = [255.0; 3];
-                covered[y * COLUMNS + x] = x == 20 || x == 21;
-            }
-            assert!(sharp_levels(&spotted, &covered) < 1.0, "{spots:?}: {}", sharp_levels(&spotted, &covered));
-        }
-        assert_eq!(sharp_levels(&touched, &vec![true; COLUMNS * ROWS]), 0.0);
     }
 }

@@ -16,7 +16,8 @@ pub struct RestLook {
     pub change_levels: f64,
     /// Sharpness of the image between the markers: high for an imprint, low for illumination alone. Smooth gel: grey
     /// levels (compare [`imprint_levels`](crate::monitor::RestSettings::imprint_levels)); fabric: the share of the
-    /// image that looks like pressed weave.
+    /// image that looks like pressed weave. Not a number where markers leave too little of a smooth gel between them to
+    /// tell: then no frame counts as touched.
     pub sharpness: f64,
     /// Whether the frame shows an imprint.
     pub touched: bool,
