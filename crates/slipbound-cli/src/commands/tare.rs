@@ -7,7 +7,7 @@ use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
 use slipbound::finger_pipeline::FoundRest;
-use slipbound::monitor::{Settings, SlipMonitor};
+use slipbound::monitor::{RestBuilder, Settings, SlipMonitor};
 use slipbound::sensor::Sensor;
 use slipbound_rig::report_summary::frame_name;
 use slipbound_rig::rest_file::{MadeOf, SavedRest};
@@ -66,6 +66,7 @@ impl Tare {
             return Err(self.touched(&window, seq, &sensor).into());
         }
         let noise = marker_noise.noise();
+        let tells_touch = RestBuilder::new(&sensor, &settings, window.size).is_ok_and(|builder| builder.tells_touch());
 
         let (looked_at, averaged) = (window.frames.len(), rest.frames_count());
         let frames = format!("frames {} to {} averaged", seqs.start, seqs.end.saturating_sub(1));
@@ -80,9 +81,11 @@ impl Tare {
         };
         SavedRest { rest, made_of }.write(&self.output).map_err(|e| Failure::Work(e.into()))?;
         let source = &self.source;
-        terminal.say(&format!(
-            "{source}: nothing touches it; {markers_count} markers, {frames} of {looked_at} looked at"
-        ))?;
+        let touch = match tells_touch {
+            true => "nothing touches it",
+            false => "whether something touches it is unknown, `slipbound calibrate` measures how it looks untouched",
+        };
+        terminal.say(&format!("{source}: {touch}; {markers_count} markers, {frames} of {looked_at} looked at"))?;
         terminal.say(&match noise {
             Some((_, words)) => format!("noise {words}"),
             None => "noise unknown: it takes three frames, 20 are better".into(),

@@ -317,3 +317,20 @@ fn a_drawn_finger_is_calibrated_to_three_hundredths_of_a_pitch_or_refused() {
     assert_eq!(wrong, 0, "wrong calibrations");
     assert!(100 * refused <= count, "{refused} of {count} refused");
 }
+
+/// A large photo out of focus: every dot is a soft spot of half a pitch.
+#[test]
+fn dots_larger_than_a_sensor_may_have_are_refused_by_their_size() {
+    let (size, pitch_px, sigma_px) = (SizePx::new(1920, 1440), 300.0, 72.0);
+    // The shadow of a grid along one axis: the image is the product of both.
+    let shadow = |length_px: usize, count: i32| -> Vec<f64> {
+        let place = |k: i32| 0.5 * length_px as f64 + (f64::from(k) - 0.5 * f64::from(count - 1)) * pitch_px;
+        let of = |at: f64| (0..count).map(|k| libm::exp(-0.5 * ((at - place(k)) / sigma_px).powi(2))).sum();
+        (0..length_px).map(|at| of(at as f64)).collect()
+    };
+    let (along, across) = (shadow(size.width, 6), shadow(size.height, 4));
+    let row = |down: &f64| along.iter().map(|v| (200.5 - 120.0 * v * down) as u8).collect::<Vec<u8>>();
+    let grey: Vec<u8> = across.iter().flat_map(row).collect();
+    let error = calibrate(&[frame(&grey, size)], &known()).expect_err("no finger has such dots").to_string();
+    assert!(error.starts_with("marker_diameter_px: expected a number from 3 to 64, got 1"), "{error}");
+}

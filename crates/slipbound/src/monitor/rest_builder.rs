@@ -120,6 +120,12 @@ impl RestBuilder {
         })
     }
 
+    /// Whether an untouched finger differs from one with an imprint: not a smooth gel whose markers leave nothing between
+    /// them, or too little where its file does not state its sharpness.
+    pub fn tells_touch(&self) -> bool {
+        self.sharpness.as_ref().is_none_or(Sharpness::tells) && self.bare_sharpness().is_finite()
+    }
+
     /// The stationary run to average. Frames of unusual brightness (dark, stale, a camera still settling) are skipped.
     /// A run of several frames is preferred to a shorter one, and an untouched run to a touched one. Of untouched runs
     /// that show the same, the first is chosen, or the longest if the first has less than half of the frames to

@@ -74,6 +74,11 @@ impl Sharpness {
         Sharpness { tells: close.compared_fraction(sensor) >= LEAST_COMPARED_FRACTION, ..close }
     }
 
+    /// Whether any cell counts between the markers of this finger.
+    pub(super) fn tells(&self) -> bool {
+        self.tells
+    }
+
     /// Whether cells keep far from markers: how sharp an untouched finger looks then depends on its light alone.
     pub(super) fn is_wide(&self) -> bool {
         self.parts_a_side == 1
