@@ -7,7 +7,7 @@
 //!   | the rectified image:         | the same, paled:              |
 //!   |  contact green, inner white  |  contact green                |
 //!   |  measured yellow, rigid red  |  slip field black             |
-//!   |  ICR yellow dot              |  slipping markers purple      |
+//!   |  ICR yellow dot              |  slip over threshold purple   |
 //!   |  reference point red arrow   |                               |
 //!   +------------------------------+-------------------------------+
 //!   | legend                                                       |

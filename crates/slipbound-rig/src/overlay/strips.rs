@@ -2,7 +2,7 @@
 
 use super::canvas::{Canvas, Colour, Text};
 use super::palette::{CONTACT, INNER, LOST, MEASURED, PAPER, RIGID, SLIP, SLIPPING};
-use slipbound::monitor::{Marker, SlipKind, SlipReport, SlipState};
+use slipbound::monitor::{Marker, SlipKind, SlipReport, SlipState, SlipSummary};
 use slipbound::plane::Vec2;
 
 /// Height of the strip with the verdict.
@@ -24,21 +24,32 @@ pub(super) fn head(canvas: &mut Canvas, report: &SlipReport, markers: &[Marker])
     if let Some(reason) = &report.reason {
         line += &format!("   {reason}");
     }
-    let is_slip = report.slip.markers_over > 0 || matches!(report.state, SlipState::Incipient | SlipState::Gross);
-    if let Some(kind) = report.slip.kind.filter(|_| is_slip) {
-        line += match kind {
-            SlipKind::Translation => "   object slides",
-            SlipKind::Rotation => "   object turns",
-            SlipKind::Both => "   object turns and slides",
-        };
-        if let Some(direction_rad) = report.slip.direction_rad {
-            line += &format!(" towards {:.0} deg", direction_rad.to_degrees());
-        }
+    if let Some(margin) = report.estimates.margin {
+        line += &format!("   margin {:.2}", margin.value);
     }
+    line += &slip_in_words(report.state, &report.slip);
     canvas.text((12 + width + 16, 14), Text::Large, WORDS, &line);
     if report.state != SlipState::Unjudged {
         canvas.text((14, 50), Text::Small, QUIET, &numbers(report, markers));
     }
+}
+
+/// How the object slides, or would slide if the load grew.
+fn slip_in_words(state: SlipState, slip: &SlipSummary) -> String {
+    let verb = match state {
+        SlipState::Incipient => "   would ",
+        SlipState::Gross => "   object ",
+        _ => return String::new(),
+    };
+    let Some(kind) = slip.kind else { return String::new() };
+    let ending = if state == SlipState::Gross { "s" } else { "" };
+    let motion = match kind {
+        SlipKind::Translation => format!("slide{ending}"),
+        SlipKind::Rotation => format!("turn{ending}"),
+        SlipKind::Both => format!("turn{ending} and slide{ending}"),
+    };
+    let direction = slip.direction_rad.map(|rad| format!(" towards {:.0} deg", rad.to_degrees()));
+    verb.to_owned() + &motion + &direction.unwrap_or_default()
 }
 
 /// The second line: contact, motion, slip, markers.
@@ -58,9 +69,9 @@ fn numbers(report: &SlipReport, markers: &[Marker]) -> String {
     }
     let in_contact = markers.iter().filter(|m| m.in_contact).count();
     let slip = &report.slip;
-    parts.push(format!("slipping {} of {in_contact} markers, most {:.2} pitch", slip.markers_over, slip.max_pitch));
-    let known = [("margin", report.estimates.margin), ("stick ratio", report.estimates.stick_ratio)];
-    parts.extend(known.iter().filter_map(|(name, estimate)| Some(format!("{name} {:.2}", (*estimate)?.value))));
+    let (over, threshold_pitch, most_pitch) = (slip.markers_over, slip.threshold_pitch, slip.max_pitch);
+    parts.push(format!("slip over {threshold_pitch:.2} pitch: {over} of {in_contact} markers, most {most_pitch:.2}"));
+    parts.extend(report.estimates.stick_ratio.map(|ratio| format!("stick ratio {:.2}", ratio.value)));
     parts.push(format!("matched {}, lost {}", report.markers.matched, report.markers.lost));
     parts.push(format!("reference: frame {}", report.reference_seq));
     parts.join("  |  ")
@@ -104,7 +115,7 @@ pub(super) fn legend(canvas: &mut Canvas) {
         (Sign::Reference, "reference point"),
         (Sign::Dot(MEASURED), "ICR"),
         (Sign::Arrow(SLIP, 2.8), "slip"),
-        (Sign::Dot(SLIPPING), "slipping"),
+        (Sign::Dot(SLIPPING), "slip over threshold"),
         (Sign::Ring(LOST), "lost"),
     ];
     let words: i32 = entries.iter().map(|(_, word)| Text::Small.width(word)).sum();
@@ -150,4 +161,21 @@ enum Sign {
     Dot(Colour),
     Ring(Colour),
     Reference,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Incipient slip is not yet a motion of the object.
+    #[test]
+    fn only_an_object_that_slides_is_said_to() {
+        let slip = |kind, direction_rad| SlipSummary { kind: Some(kind), direction_rad, ..SlipSummary::default() };
+        let down = slip(SlipKind::Translation, Some(-std::f64::consts::FRAC_PI_2));
+        assert_eq!(slip_in_words(SlipState::Incipient, &down), "   would slide towards -90 deg");
+        assert_eq!(slip_in_words(SlipState::Gross, &down), "   object slides towards -90 deg");
+        assert_eq!(slip_in_words(SlipState::Gross, &slip(SlipKind::Both, None)), "   object turns and slides");
+        assert_eq!(slip_in_words(SlipState::Stick, &down), "");
+        assert_eq!(slip_in_words(SlipState::Gross, &SlipSummary::default()), "");
+    }
 }

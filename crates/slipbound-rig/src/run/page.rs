@@ -35,7 +35,7 @@ pub(super) const PICTURES_MOST: usize = 60;
 /// Legend of the arrows in the images.
 const KEY: &str = "<p class=\"key\">Arrows on the left: <span class=\"measured\">yellow</span> measured, \
                    <span class=\"rigid\">red</span> as a rigid body would move. On the right: black the difference, \
-                   <span class=\"slipping\">purple</span> the markers that slip.</p>";
+                   <span class=\"slipping\">purple</span> the markers whose slip is over the threshold.</p>";
 
 /// The image of a finger at a slip.
 #[derive(Debug)]

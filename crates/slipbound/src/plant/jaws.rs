@@ -149,6 +149,7 @@ impl JawDrive {
         self.now_ns = self.now_ns.max(now_ns);
         let reach_mm = self.settings.speed_mm_per_s * seconds;
         let stop_mm = width_mm.unwrap_or(0.0);
+        self.touches &= width_mm.is_some();
         match self.running {
             JawCommand::Grasp { force_n } => {
                 let before_mm = self.opening_mm;
@@ -251,5 +252,21 @@ mod tests {
         jaws.command(JawCommand::Grasp { force_n: 1e9 });
         jaws.advance_to(7000 * MS, Some(50.0));
         assert!((jaws.force_n() - 80.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn without_the_object_jaws_close_at_their_speed_and_press_on_nothing() {
+        let mut jaws = JawDrive::new(JawSettings::default()).expect("valid");
+        jaws.command(JawCommand::Grasp { force_n: 20.0 });
+        jaws.advance_to(3000 * MS, Some(50.0));
+        let mut stopped = jaws.clone();
+        jaws.advance_to(3100 * MS, None);
+        assert!((jaws.opening_mm() - 44.0).abs() < 1e-9, "6 mm in 0.1 s: {} mm", jaws.opening_mm());
+        assert_eq!((jaws.touches(), jaws.force_n()), (false, 0.0));
+        stopped.command(JawCommand::Stay);
+        stopped.advance_to(3100 * MS, Some(50.0));
+        assert!(stopped.force_n() > 19.0, "held as it was");
+        stopped.advance_to(3200 * MS, None);
+        assert_eq!((stopped.opening_mm(), stopped.touches(), stopped.force_n()), (50.0, false, 0.0));
     }
 }

@@ -62,7 +62,7 @@ fn figure(title: &str, caption: &str, rgb: &[u8], size: SizePx) -> Result<Figure
 fn overlay(title: &str, buffer: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) -> Result<Figure, Failure> {
     let mut overlay = Overlay::new(monitor.sensor());
     overlay.draw(buffer.frame().ok().as_ref(), report, monitor);
-    let caption = "Left: contact green, inner region white, measured yellow, rigid red. Right: slip field black, slipping markers purple.";
+    let caption = "Left: contact green, inner region white, measured yellow, rigid red. Right: slip field black, purple where it is over the threshold.";
     figure(title, caption, &overlay.rgb(), overlay.size())
 }
 
