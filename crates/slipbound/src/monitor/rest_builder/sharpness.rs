@@ -16,8 +16,11 @@ use crate::sensor::Sensor;
 /// Distance from markers, in pitches, at which whole cells count, if at least this share of them then does.
 const WIDE_PITCH: f64 = 0.4;
 const LEAST_COMPARED_FRACTION: f64 = 0.03;
-/// Otherwise cells consist of parts of this width, px.
+/// Otherwise cells consist of parts of this width, px, and parts count from the distance, in so many steps down to the
+/// rim of the markers, at which this share of the cells does.
 const PART_PX: usize = 2;
+const RADIUS_STEPS: u32 = 8;
+const LEAST_CLOSE_FRACTION: f64 = 0.3;
 /// Free share of a cell that counts, and of its neighbourhood: with more of it hidden its mean is off centre, unless
 /// markers are all around.
 const LEAST_FREE: f32 = 0.4;
@@ -70,8 +73,16 @@ impl Sharpness {
         if wide.compared_fraction(sensor) >= LEAST_COMPARED_FRACTION {
             return wide;
         }
-        let close = of_parts(PART_PX, cover_radius_px(sensor), LEAST_FREE_AROUND[1]);
-        Sharpness { tells: close.compared_fraction(sensor) >= LEAST_COMPARED_FRACTION, ..close }
+        // As far from markers as their pitch allows.
+        let (most, least) = (wide_radius_px(sensor), cover_radius_px(sensor));
+        let radius_px = |step: u32| most + f64::from(step) / f64::from(RADIUS_STEPS) * (least - most);
+        let mut close = of_parts(PART_PX, most, LEAST_FREE_AROUND[1]);
+        let leaves_enough = |step: &u32| {
+            close.hidden_radius_px = radius_px(*step);
+            close.compared_fraction(sensor) >= LEAST_CLOSE_FRACTION
+        };
+        let tells = (0..=RADIUS_STEPS).find(leaves_enough).is_some();
+        Sharpness { tells, ..close }
     }
 
     /// Whether any cell counts between the markers of this finger.
