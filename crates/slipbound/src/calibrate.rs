@@ -37,6 +37,7 @@ use crate::pixels::mean::FrameMean;
 use crate::sensor::Sensor;
 use fit::{median, rms};
 use grid::{Dot, Grid, OFF_GRID_PITCH};
+use std::ops::Range;
 
 /// Most frames examined to find the finger at rest.
 pub const FRAMES_MOST: usize = 20;
@@ -53,23 +54,28 @@ pub fn calibrate(frames: &[Frame<'_>], known: &KnownFacts) -> Result<Calibration
     }
     let means: Vec<f64> = frames.iter().map(mean_levels).collect();
     let lit: Vec<f64> = means.iter().copied().filter(|m| *m >= DARK_LEVELS).collect();
-    // The camera may still be settling: the first frame of usual brightness is taken.
+    // The camera may still be settling: frames of unusual brightness are not tried.
     let usual = median(&lit);
-    let start = means.iter().position(|m| *m >= DARK_LEVELS && (m - usual).abs() <= 0.1 * usual);
-    let Some(start) = start else {
+    let is_usual = |i: &usize| means[*i] >= DARK_LEVELS && (means[*i] - usual).abs() <= 0.1 * usual;
+    let Some(start) = (0..frames.len()).find(is_usual) else {
         return Err(CalibrationError::NoPicture { frames_count: frames.len() });
     };
-    let first = from_mean(&frames[start..=start], known);
-    // The rough sensor from one frame shows which frames are at rest; if that frame was too poor, all are tried.
-    let (from, to, untouched) = match &first {
-        // Its sharpness was measured on the very frame to be judged.
-        Ok(rough) if frames.len() > 1 => at_rest(frames, &Sensor { bare_sharpness: None, ..rough.sensor.clone() })
-            .unwrap_or((start, start + 1, true)),
-        Ok(_) => (start, start + 1, true),
-        Err(_) => (start, frames.len(), true),
+    if frames.len() == 1 {
+        return from_mean(frames, known);
+    }
+    // A rough sensor shows which frames are at rest: from the first frame that gives one by itself (motion may blur the
+    // others), else from the mean of all.
+    let single = |i: usize| Some((i, from_mean(&frames[i..=i], known).ok()?));
+    let (start, rough) = match (start..frames.len()).filter(is_usual).find_map(single) {
+        Some(found) => found,
+        None => (start, from_mean(&frames[start..], known)?),
     };
-    let mut calibration = if to - from == 1 && from == start { first? } else { from_mean(&frames[from..to], known)? };
-    calibration.averaged = [from, to - 1];
+    // Its sharpness was measured on the very frames to be judged.
+    let rough = Sensor { bare_sharpness: None, ..rough.sensor };
+    let (rest, untouched) = at_rest(&frames[start..], &rough).unwrap_or((0..1, false));
+    let averaged = start + rest.start..start + rest.end;
+    let mut calibration = from_mean(&frames[averaged.clone()], known)?;
+    calibration.averaged = [averaged.start, averaged.end - 1];
     calibration.untouched = untouched;
     if !untouched {
         calibration.sensor.bare_sharpness = None;
@@ -78,11 +84,11 @@ pub fn calibrate(frames: &[Frame<'_>], known: &KnownFacts) -> Result<Calibration
 }
 
 /// The frames in which the finger is at rest, and whether it is untouched in them.
-fn at_rest(frames: &[Frame<'_>], sensor: &Sensor) -> Option<(usize, usize, bool)> {
+fn at_rest(frames: &[Frame<'_>], sensor: &Sensor) -> Option<(Range<usize>, bool)> {
     let mut builder = RestBuilder::new(sensor, &Settings::default(), sensor.image_px).ok()?;
     let looks: Vec<_> = frames.iter().map(|f| builder.look(f)).collect();
     let choice = builder.choose(&looks).ok()?;
-    Some((choice.frames.start, choice.frames.end, choice.kind == RestKind::Unloaded))
+    Some((choice.frames, choice.kind == RestKind::Unloaded))
 }
 
 fn mean_levels(frame: &Frame<'_>) -> f64 {

@@ -2,14 +2,18 @@
 
 use crate::drawn::Truth;
 use crate::{known, number, reprojection_pitch};
-use slipbound::calibrate::{KnownFacts, calibrate};
+use slipbound::calibrate::{Calibration, CalibrationError, FRAMES_MOST, KnownFacts, calibrate};
+use slipbound::finger_pipeline::rest_from;
 use slipbound::image::{Frame, Pixels, Rgb, SizePx};
+use slipbound::monitor::{RestBuilder, RestKind, Settings};
 use slipbound::plane::{Homography, Vec2};
-use slipbound::port::FrameBuffer;
+use slipbound::port::{FrameBuffer, FrameSource as _, Next};
 use slipbound::sensor::{Flip, Skin};
 use slipbound_lab::contact::{Displacement, FingerSettings};
 use slipbound_lab::jpeg::Codec;
 use slipbound_lab::render::{Renderer, Surface, Surroundings};
+use slipbound_lab::scenes::Trial;
+use slipbound_lab::world::World;
 
 /// The simulated GelSlim at rest with all its surroundings: the camera frame after JPEG 85; its grid of dots without
 /// jitter, about the middle of the nodes, and its position in the camera image.
@@ -102,4 +106,42 @@ fn the_grid_begins_where_its_markers_do() {
             nodes.iter().map(|n| n.y).fold(f64::MIN, f64::max) - nodes.iter().map(|n| n.y).fold(f64::MAX, f64::min);
         println!("seed {seed}, {flip:?}: {} rows of {}", rows_px / pitch_px - 1.5, true_rows);
     }
+}
+
+/// The same frame with every row blurred over 61 px.
+fn blurred(frame: &FrameBuffer) -> FrameBuffer {
+    let mean = |row: &[u8], i: usize| {
+        let over = (-30..=30).filter_map(|by: isize| row.get(i.checked_add_signed(3 * by)?));
+        let (sum, count) = over.fold((0, 0), |(sum, count), v| (sum + u32::from(*v), count + 1));
+        (sum / count) as u8
+    };
+    let rows = frame.pixels.chunks(3 * frame.size.width);
+    let pixels = rows.flat_map(|row| (0..row.len()).map(|i| mean(row, i)).collect::<Vec<_>>()).collect();
+    FrameBuffer { pixels, ..frame.clone() }
+}
+
+/// Eight frames at rest, then a cap pressed with 30 N: pressed frames do not become the finger at rest because the
+/// first frame shows no grid.
+#[test]
+fn a_blurred_first_frame_does_not_make_pressed_frames_the_finger_at_rest() {
+    let scene = "shear?camera=gelsight_mini&grid=fast&seed=1&object=bottle_cap&force_n=30&rest_frames=8&press_s=0.1\
+                 &settle_s=0.05&distance_mm=3&speed_mm_per_s=12";
+    let mut world = World::new(&Trial::parse(scene).expect("a scene")).expect("a world");
+    let mut buffers = vec![FrameBuffer::default(); FRAMES_MOST];
+    buffers.iter_mut().for_each(|buffer| assert_eq!(world.next(buffer).expect("renders"), Next::Frame));
+    let try_all = |buffers: &[FrameBuffer]| -> Result<Calibration, CalibrationError> {
+        let frames: Vec<Frame<'_>> = buffers.iter().map(|buffer| buffer.frame().expect("whole")).collect();
+        calibrate(&frames, &known())
+    };
+    let clear = try_all(&buffers).expect("calibrated");
+    buffers[0] = blurred(&buffers[0]);
+    try_all(&buffers[..1]).expect_err("no grid is seen");
+    let found = try_all(&buffers).expect("calibrated");
+    assert!(found.untouched && found.averaged[0] >= 1 && found.averaged[1] <= 7, "{:?}", found.averaged);
+    let sharpness = |found: &Calibration| found.sensor.bare_sharpness.expect("untouched");
+    let ratio = sharpness(&found) / sharpness(&clear);
+    assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
+    let builder = RestBuilder::new(&found.sensor, &Settings::default(), found.sensor.image_px).expect("valid");
+    let pressed: Vec<Frame<'_>> = buffers[16..].iter().map(|buffer| buffer.frame().expect("whole")).collect();
+    assert_eq!(rest_from(builder, &pressed).map(|rest| rest.kind()), Ok(RestKind::InContact));
 }
