@@ -20,12 +20,12 @@ use crate::monitor::SlipState;
 use crate::plane::Vec2;
 use crate::sensor::{Sensor, Shear};
 use error::{LEAST_SUM_PITCH, MOST_AT_BORDER, MOST_ERROR, MOST_SCATTER};
-use frames::FEWEST_FRAMES;
+use frames::{FEWEST_FRAMES, noise_px};
 
 /// Standard acceleration of gravity, m/s2.
 const GRAVITY_M_S2: f64 = 9.80665;
-/// Where the noise of the markers exceeds [`MOST_SCATTER`], the sum may scatter by this many times its scatter in the
-/// frames in which the mass is held.
+/// Where the noise of the markers exceeds [`MOST_SCATTER`], the sum may scatter by this many times the noise from the
+/// differences of successive frames in which the mass is held, which a slow motion hardly raises.
 const NOISE_RATIO: f64 = 1.5;
 /// Largest share of markers that may be lost.
 const MOST_LOST: f64 = 0.1;
@@ -58,6 +58,11 @@ pub fn shear_stiffness(
     if held.len() < FEWEST_FRAMES {
         return Err(ShearError::NotHeld { got_count: held.len() });
     }
+    let span = |frames: &[HangingFrame]| [frames[0].seq, frames[frames.len() - 1].seq];
+    let (held_seqs, hanging_seqs) = (span(held), span(hanging));
+    if held_seqs[1] >= hanging_seqs[0] {
+        return Err(ShearError::Order { held_seqs, hanging_seqs });
+    }
     for f in held.iter().chain(hanging) {
         match f.state {
             SlipState::NoContact => return Err(ShearError::NoContact),
@@ -70,17 +75,21 @@ pub fn shear_stiffness(
             return Err(ShearError::MarkersLost { seq: f.seq, lost_count, markers_count });
         }
     }
-    let ((before, noise_px), (after, scatter_px)) = (mean_and_scatter(held), mean_and_scatter(hanging));
+    let ((before, held_px), (after, hanging_px)) = (mean_and_scatter(held), mean_and_scatter(hanging));
     let load_px = (after - before).length();
     let sum_pitch = load_px / sensor.pitch_px;
     if sum_pitch.is_nan() || sum_pitch < LEAST_SUM_PITCH {
         return Err(ShearError::Faint { sum_pitch });
     }
-    if scatter_px > (MOST_SCATTER * load_px).max(NOISE_RATIO * noise_px) {
-        return Err(ShearError::Swings { scatter_fraction: scatter_px / load_px });
+    let most_px = (MOST_SCATTER * load_px).max(NOISE_RATIO * noise_px(held));
+    if held_px > most_px {
+        return Err(ShearError::Moves { scatter_fraction: held_px / load_px });
+    }
+    if hanging_px > most_px {
+        return Err(ShearError::Swings { scatter_fraction: hanging_px / load_px });
     }
     let (n, m) = (held.len() as f64, hanging.len() as f64);
-    let error_fraction = (noise_px * noise_px / n + scatter_px * scatter_px / m).sqrt() / load_px;
+    let error_fraction = (held_px * held_px / n + hanging_px * hanging_px / m).sqrt() / load_px;
     if error_fraction > MOST_ERROR {
         return Err(ShearError::Noisy { error_fraction });
     }
@@ -90,15 +99,15 @@ pub fn shear_stiffness(
         return Err(ShearError::Cut { at_border_fraction });
     }
     let force_n = weight_g / 1000.0 * GRAVITY_M_S2 / f64::from(fingers_count.max(1));
-    let span = |frames: &[HangingFrame]| format!("{} to {}", frames[0].seq, frames[frames.len() - 1].seq);
+    let words = |[from, to]: [u64; 2]| format!("{from} to {to}");
     let shared = if fingers_count > 1 { format!(" shared by {fingers_count} fingers") } else { String::new() };
     Ok(Shear {
         stiffness_n_per_pitch: force_n / sum_pitch,
         provenance: format!(
             "{weight_g} g{shared}, held in frames {} and hanging in frames {} of {what}: {force_n:.3} N moved the markers \
              by {sum_pitch:.2} pitch in sum, noise {:.1} %",
-            span(held),
-            span(hanging),
+            words(held_seqs),
+            words(hanging_seqs),
             100.0 * error_fraction
         ),
     })
@@ -174,6 +183,10 @@ mod tests {
         assert_eq!(refused(&held()[..4], &frames(20, 9, |_| 40.0)), ShearError::NotHeld { got_count: 4 });
         assert!(matches!(of(&frames(20, 9, |_| -14.0)), ShearError::Faint { .. }));
         assert!(matches!(of(&frames(20, 9, |i| 20.0 + 10.0 * (i % 3) as f64)), ShearError::Swings { .. }));
+        let drifting = frames(0, 9, |i| -20.0 + 30.0 * i as f64 / 8.0);
+        assert!(matches!(refused(&drifting, &frames(20, 9, |_| 40.0)), ShearError::Moves { .. }), "by half the load");
+        let exchanged = ShearError::Order { held_seqs: [20, 28], hanging_seqs: [0, 8] };
+        assert_eq!(refused(&frames(20, 9, |_| 40.0), &held()), exchanged);
         let noisy = |first, level: f64| frames(first, 9, |i| level + 15.0 * (i % 2) as f64);
         assert!(matches!(refused(&noisy(0, -20.0), &noisy(20, 40.0)), ShearError::Noisy { .. }));
         let mut hanging = frames(20, 9, |_| 40.0);

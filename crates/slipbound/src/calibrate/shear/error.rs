@@ -5,7 +5,8 @@ use std::fmt;
 
 /// The sum of displacement must be at least this, in pitches: half a dozen markers by a tenth each.
 pub(super) const LEAST_SUM_PITCH: f64 = 0.6;
-/// Largest standard deviation of the sum over the frames of the hanging mass, as a share of the load.
+/// Largest standard deviation of the sum over the frames of the held mass, and of the hanging one, as a share of the
+/// load.
 pub(super) const MOST_SCATTER: f64 = 0.1;
 /// Largest standard error of the difference of both means, as a share of it.
 pub(super) const MOST_ERROR: f64 = 0.05;
@@ -25,6 +26,13 @@ pub enum ShearError {
     NotHeld {
         /// Frames there were.
         got_count: usize,
+    },
+    /// The frames in which it is held do not precede those in which it hangs.
+    Order {
+        /// The first and the last number of the frames in which it is held.
+        held_seqs: [u64; 2],
+        /// The same of those in which it hangs.
+        hanging_seqs: [u64; 2],
     },
     /// No contact in these frames.
     NoContact,
@@ -52,6 +60,11 @@ pub enum ShearError {
         /// Sum of the displacements, in pitches.
         sum_pitch: f64,
     },
+    /// The mass moves while it is held.
+    Moves {
+        /// Standard deviation over load.
+        scatter_fraction: f64,
+    },
     /// The mass swings.
     Swings {
         /// Standard deviation over load.
@@ -75,6 +88,11 @@ impl fmt::Display for ShearError {
                 "expected at least {FEWEST_FRAMES} stationary frames in which the mass is held and still stands, got {got_count} \
                  (grip it, wait, then lift; or say when it is held: --held A..B)"
             ),
+            ShearError::Order { held_seqs: [held_from, held_to], hanging_seqs: [from, to] } => write!(
+                f,
+                "expected the mass to be held before it hangs, got frames {held_from} to {held_to} for held and {from} to {to} \
+                 for hanging"
+            ),
             ShearError::NoContact => f.write_str("expected the mass to be held by the finger, got no contact"),
             ShearError::Slips { seq } => {
                 write!(f, "expected the mass to hang still, got slip in frame {seq} (grip harder)")
@@ -93,6 +111,13 @@ impl fmt::Display for ShearError {
                 f,
                 "expected the skin to move by {LEAST_SUM_PITCH} pitch summed over all markers, got {sum_pitch:.2} \
                  (take a heavier mass)"
+            ),
+            ShearError::Moves { scatter_fraction } => write!(
+                f,
+                "expected the mass to stand still while it is held, to {:.0} % of the load, got {:.0} % (say when it does: \
+                 --held A..B)",
+                100.0 * MOST_SCATTER,
+                100.0 * scatter_fraction
             ),
             ShearError::Swings { scatter_fraction } => write!(
                 f,

@@ -85,7 +85,7 @@ impl HangingFrame {
 }
 
 /// Noise from the differences of successive frames: the standard deviation of a sum along each axis, px.
-fn noise_px(frames: &[HangingFrame]) -> f64 {
+pub(super) fn noise_px(frames: &[HangingFrame]) -> f64 {
     let steps: Vec<f64> = frames.windows(2).map(|pair| (pair[1].sum_px - pair[0].sum_px).length()).collect();
     robust_sigma(&steps) / std::f64::consts::SQRT_2
 }
