@@ -214,12 +214,18 @@ impl SavedRest {
         })
     }
 
-    /// Checks that it belongs to this finger and to a monitor with these settings. `file`: its name in messages.
+    /// Checks that it belongs to this finger, at any resolution, and to a monitor with these settings. `file`: its name
+    /// in messages.
     pub fn check(&self, sensor: &Sensor, settings: &Settings, file: &str) -> Result<(), RestFileError> {
         let foreign =
             |whose, (key, expected, got)| RestFileError::Foreign { file: file.into(), whose, key, expected, got };
         let is_fact = |key: &str| !FREE_FACTS.contains(&key);
-        if let Some(difference) = difference(sensor, &self.made_of.sensor, is_fact) {
+        let made_of = &self.made_of.sensor;
+        let sized = |finger: &Sensor| match sensor.image_px == made_of.image_px {
+            true => finger.clone(),
+            false => finger.at_size(self.rest.size()).unwrap_or_else(|_| finger.clone()),
+        };
+        if let Some(difference) = difference(&sized(sensor), &sized(made_of), is_fact) {
             return Err(foreign("it is another finger's", difference));
         }
         match difference(settings, &self.made_of.settings, |key| BINDING_SETTINGS.contains(&key)) {

@@ -25,6 +25,7 @@ use slipbound::events::{SlipEvent, SlipEvents};
 use slipbound::finger_pipeline::RecordingMonitor;
 use slipbound::monitor::{Settings, SlipMonitor, SlipState};
 use slipbound::port::{FrameBuffer, FrameSource, Next};
+use slipbound::sensor::Sensor;
 use slipbound_rig::container::Recorder;
 use slipbound_rig::link::now_ns;
 use slipbound_rig::report_summary::{ReportSummary, torn, when};
@@ -141,7 +142,7 @@ impl Watch {
             rate_hz: recording.rate_hz().unwrap_or(OVERLAY_RATE_HZ),
         };
         if let Some(recorder) = &recorder {
-            self.describe(recorder, &monitor, camera.as_ref())?;
+            self.describe(recorder, &found.sensor, &settings, camera.as_ref())?;
         }
         let is_named = self.rest.as_ref().is_some_and(|rest| *rest != RestArgument::Held);
         let mut outputs = Outputs::open(self, origin, &monitor, recorder.as_ref())?;
@@ -188,11 +189,17 @@ impl Watch {
         Ok(Ended { outcome: if is_whole { Outcome::Done } else { Outcome::DataLost }, summary, first_slip })
     }
 
-    /// Adds to a recording what is needed to judge it again anywhere.
-    fn describe(&self, recorder: &Recorder, monitor: &SlipMonitor, camera: Option<&LiveCamera>) -> Result<(), Failure> {
-        let sensor = toml::to_string(monitor.sensor()).map_err(|e| Failure::work("sensor", e))?;
+    /// Adds to a recording what is needed to judge it again anywhere: the finger at the resolution of its sensor file.
+    fn describe(
+        &self,
+        recorder: &Recorder,
+        sensor: &Sensor,
+        settings: &Settings,
+        camera: Option<&LiveCamera>,
+    ) -> Result<(), Failure> {
+        let sensor = toml::to_string(sensor).map_err(|e| Failure::work("sensor", e))?;
         recorder.attach(&format!("{}.sensor.toml", self.finger), "text/toml", sensor.into_bytes());
-        let settings = toml::to_string(monitor.settings()).map_err(|e| Failure::work("settings", e))?;
+        let settings = toml::to_string(settings).map_err(|e| Failure::work("settings", e))?;
         recorder.attach("settings.toml", "text/toml", settings.into_bytes());
         if let Some(camera) = camera {
             recorder.metadata(&format!("slipbound.camera.{}", self.finger), camera.facts.clone());

@@ -1,6 +1,6 @@
 //! Valid and invalid arguments.
 
-use super::trial::{Ended, SIZE, Trial, encode, jpeg};
+use super::trial::{Ended, SENSOR, SIZE, Trial, encode, jpeg};
 use slipbound::image::SizePx;
 
 #[test]
@@ -94,6 +94,37 @@ fn rest_may_be_named() {
     let ended = trial.watch("run", &["--rest", "untouched.jpg", "--json", "report.json"]);
     ended.expect(0, &[]);
     assert!(ended.out.contains("1 frame of another size; the first is frame 0"), "{ended:?}");
+}
+
+/// Frames of half the resolution of the sensor file, recorded with the finger's file: the rest frame is still its own.
+#[test]
+fn a_rest_file_fits_its_finger_at_any_resolution() {
+    let trial = Trial::new(25);
+    let small = slipbound_rig::sensors::load(SENSOR[1]).expect("built in").at_size(SIZE).expect("the same shape");
+    let large = small.at_size(SizePx::new(640, 480)).expect("the same shape");
+    for (name, sensor) in [("small.toml", &small), ("large.toml", &large)] {
+        trial.write(name, slipbound_rig::sensors::to_toml(sensor).expect("writes").as_bytes());
+    }
+    let report = |words: &[&str]| {
+        let words = [&["watch"], words, &["--json", "report.jsonl", "--force"]].concat();
+        Ended::of(trial.command(&words).output().expect("runs")).expect(0, &[]);
+        trial.report("report.jsonl").split_off(1)
+    };
+    let tare = |words: &[&str]| Ended::of(trial.command(&[&["tare"], words].concat()).output().expect("runs"));
+    tare(&["run", "--sensor", "large.toml", "-o", "a.rest"]).expect(0, &[]);
+    let once = report(&["run", "--sensor", "large.toml", "--rest", "a.rest", "--record", "run.mcap"]);
+    assert_eq!(report(&["run.mcap", "--rest", "a.rest"]), once);
+    // As from a recording with the finger's file at the resolution of the frames.
+    assert_eq!(report(&["run", "--sensor", "small.toml", "--rest", "a.rest"]), once);
+    tare(&["run", "--sensor", "small.toml", "-o", "b.rest"]).expect(0, &[]);
+    assert_eq!(report(&["run.mcap", "--rest", "b.rest"]), once);
+    let other = slipbound::sensor::Sensor { pitch_px: 1.01 * large.pitch_px, ..large };
+    trial.write("other.toml", slipbound_rig::sensors::to_toml(&other).expect("writes").as_bytes());
+    let words = ["watch", "run", "--sensor", "other.toml", "--rest"];
+    for rest in ["a.rest", "b.rest"] {
+        let ended = Ended::of(trial.command(&[&words[..], &[rest]].concat()).output().expect("runs"));
+        ended.expect(2, &["it is another finger's: pitch_px"]);
+    }
 }
 
 #[test]
