@@ -194,9 +194,9 @@ fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_ref
         let done = slipbound(folder.path(), &["simulate", scene, "-o", name]);
         assert!(done.status.success(), "{done:?}");
     };
-    let words = |name: &'static str, sensor: &'static str| {
+    fn words<'a>(name: &'a str, sensor: &'a str) -> [&'a str; 10] {
         ["calibrate", name, "-o", "stiff.toml", "--sensor", sensor, "--weight-g", "300", "--fingers", "2"]
-    };
+    }
     simulate(&format!("{held}&object=toy_duck"), "duck");
     // The pads bear it: half of 0.3 kg.
     let truth = std::fs::read_to_string(folder.path().join("duck/truth.jsonl")).expect("truth");
@@ -234,6 +234,14 @@ fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_ref
     assert!(done.status.success(), "{done:?}");
     let again = slipbound_rig::sensors::load(own.to_str().expect("UTF-8")).expect("valid").shear.expect("measured");
     assert_eq!(again, shear);
+    // A file that extends another stays in its folder, however that is written.
+    let absolute = folder.path().join("s4.toml").display().to_string();
+    for (file, output) in [("./own.toml", "s3.toml"), ("own.toml", "./own.toml"), ("own.toml", absolute.as_str())] {
+        std::fs::write(&own, "extends = \"duck/sensor.toml\"\n").expect("writes");
+        let onto = words("duck", file).map(|word| if word == "stiff.toml" { output } else { word });
+        let done = slipbound(folder.path(), &onto);
+        assert!(done.status.success(), "{done:?}");
+    }
     // A file that would become invalid stays as it is.
     let text = "extends = \"duck/sensor.toml\"\nshear = { stiffness_n_per_pitch = 1.0, provenance = \"data sheet\" }\n";
     let inline = folder.path().join("inline.toml");

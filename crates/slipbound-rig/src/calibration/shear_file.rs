@@ -2,9 +2,11 @@
 
 use super::sensor_file::shear_table;
 use crate::config::read_most;
+use crate::config::sensors::is_file;
 use slipbound::sensor::Shear;
 use std::io;
 use std::path::{Path, PathBuf};
+use toml::{Table, Value};
 
 /// Why a sensor file cannot take a shear stiffness.
 #[derive(Debug, thiserror::Error)]
@@ -17,9 +19,9 @@ pub enum ShearFileError {
         /// The operating system's reason.
         source: io::Error,
     },
-    /// The sensor file extends another by a relative path, which is valid only in its own folder.
+    /// The sensor file extends another file by a relative path, which is valid only in its own folder.
     #[error(
-        "expected a file in the folder of {}, which extends another, got {}", path.display(), output.display()
+        "expected a file in the folder of {}, which extends another file, got {}", path.display(), output.display()
     )]
     Folder {
         /// The sensor file.
@@ -33,14 +35,26 @@ pub enum ShearFileError {
 /// that extends it. `sensor`: a built-in name or a sensor file; `output`: where the text will be written.
 pub fn sensor_file_with_shear(sensor: &str, output: &Path, shear: &Shear) -> Result<String, ShearFileError> {
     let (path, table) = (Path::new(sensor), shear_table(shear));
-    if !path.exists() {
+    if !is_file(sensor) {
         return Ok(format!("extends = \"{sensor}\"\n\n{table}"));
     }
     let text = read_most(path).map_err(|source| ShearFileError::Read { path: path.to_owned(), source })?;
-    if text.lines().any(|l| l.trim_start().starts_with("extends")) && path.parent() != output.parent() {
+    if extends_relative_file(&text) && folder(path) != folder(output) {
         return Err(ShearFileError::Folder { path: path.to_owned(), output: output.to_owned() });
     }
     Ok(format!("{}\n\n{table}", without_shear(&text).trim_end()))
+}
+
+/// Whether a sensor file extends another file, which is searched in its own folder.
+fn extends_relative_file(text: &str) -> bool {
+    let extends = text.parse::<Table>().ok().and_then(|mut table| table.remove("extends"));
+    matches!(extends, Some(Value::String(name)) if is_file(&name) && Path::new(&name).is_relative())
+}
+
+/// The folder of a file, however its path is written; None where there is no such folder.
+fn folder(file: &Path) -> Option<PathBuf> {
+    let parent = file.parent().filter(|parent| !parent.as_os_str().is_empty());
+    parent.unwrap_or(Path::new(".")).canonicalize().ok()
 }
 
 /// The text without its table [shear] and the comment above it.
@@ -94,16 +108,25 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let (path, shear) =
             (folder.path().join("a.toml"), Shear { stiffness_n_per_pitch: 0.5, provenance: "x".into() });
-        std::fs::write(&path, "extends = \"gelslim\"\n").expect("writes");
+        std::fs::write(&path, "extends = \"base.toml\"\n").expect("writes");
         let name = path.to_str().expect("UTF-8");
-        let text = sensor_file_with_shear(name, &folder.path().join("b.toml"), &shear).expect("the same folder");
-        assert!(text.starts_with("extends = \"gelslim\"\n\n# Newtons"), "{text}");
+        std::fs::create_dir(folder.path().join("sub")).expect("makes a folder");
+        for output in ["b.toml", "a.toml", "sub/../b.toml"] {
+            let text = sensor_file_with_shear(name, &folder.path().join(output), &shear).expect("the same folder");
+            assert!(text.starts_with("extends = \"base.toml\"\n\n# Newtons"), "{text}");
+        }
         let refused = sensor_file_with_shear(name, Path::new("b.toml"), &shear).expect_err("another folder");
         assert_eq!(
             refused.to_string(),
-            format!("expected a file in the folder of {name}, which extends another, got b.toml")
+            format!("expected a file in the folder of {name}, which extends another file, got b.toml")
         );
+        for anywhere in ["gelslim".to_owned(), folder.path().join("base.toml").display().to_string()] {
+            std::fs::write(&path, format!("extends = {anywhere:?}\n")).expect("writes");
+            sensor_file_with_shear(name, Path::new("b.toml"), &shear).expect("found from any folder");
+        }
         let built_in = sensor_file_with_shear("gelslim", Path::new("b.toml"), &shear).expect("built in");
         assert!(built_in.starts_with("extends = \"gelslim\"\n\n# Newtons"), "{built_in}");
+        // A folder of that name, as `src` is here, is no finger.
+        sensor_file_with_shear("src", Path::new("b.toml"), &shear).expect("a built-in name");
     }
 }

@@ -124,11 +124,15 @@ fn extended(first: Layer, mut seen: Vec<PathBuf>, mut folder: PathBuf) -> Result
     }
 }
 
+/// Whether a finger is named by its file, not by a built-in name.
+pub(crate) fn is_file(wanted: &str) -> bool {
+    wanted.ends_with(".toml") || wanted.contains(['/', '\\'])
+}
+
 /// The path of a file, and its identity; None and the name itself for a built-in name.
 fn place(wanted: &str, folder: &Path) -> (Option<PathBuf>, PathBuf) {
-    let is_file = wanted.ends_with(".toml") || wanted.contains(['/', '\\']);
     let path = folder.join(wanted);
-    match is_file {
+    match is_file(wanted) {
         true => (Some(path.clone()), path.canonicalize().unwrap_or(path)),
         false => (None, PathBuf::from(wanted)),
     }
