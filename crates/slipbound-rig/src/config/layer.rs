@@ -103,16 +103,35 @@ fn in_words(problem: &str) -> String {
     let Some((said, kind)) = first.rsplit_once("expected ") else {
         return first.to_owned();
     };
-    match kind {
-        "f64" => format!("{said}expected a number"),
-        "u8" | "u32" | "u64" | "usize" => format!("{said}expected a whole number, not below 0"),
-        _ => first.to_owned(),
+    // Of a name that is no text, the parser does not tell what it is.
+    if kind == "string only" {
+        return "expected a string".to_owned();
     }
+    let said = said.replace("type: map", "type: table").replace("type: sequence", "type: array");
+    let kind = match kind {
+        "f64" => "a number",
+        "u8" => "a whole number from 0 to 255",
+        "u16" => "a whole number from 0 to 65535",
+        "u32" | "u64" | "usize" => "a whole number, not below 0",
+        "a sequence" => "an array",
+        _ if kind.starts_with("struct ") => "a table",
+        other => other,
+    };
+    format!("{said}expected {kind}")
 }
 
-/// The file that holds a key; the first when none does.
+/// The file whose value of a dotted key counts: the first of those that hold most of its parts. A remark after the key,
+/// `key (sum)`, is no part of it.
 pub(crate) fn file_of_key(layers: &[Layer], key: &str) -> String {
-    let first = key.split(['.', '[']).next().unwrap_or(key);
-    let holds = |layer: &&Layer| layer.table.contains_key(first);
-    layers.iter().find(holds).or(layers.first()).map_or_else(String::new, |l| l.file.clone())
+    let parts: Vec<&str> = key.split([' ', '[']).next().unwrap_or(key).split('.').collect();
+    let held_count = |layer: &Layer| {
+        let inner = |table: &mut Option<&Table>, part: &&str| {
+            let value = (*table)?.get(*part)?;
+            *table = value.as_table();
+            Some(())
+        };
+        parts.iter().scan(Some(&layer.table), inner).count()
+    };
+    // Of equal ones, max_by_key takes the last.
+    layers.iter().rev().max_by_key(|layer| held_count(layer)).map_or_else(String::new, |l| l.file.clone())
 }

@@ -207,6 +207,13 @@ mod tests {
         let path = dir.path().join("mine.toml");
         fs::write(dir.path().join("base.toml"), "extends = \"gelslim\"\npitch_mm = 1.4\n").expect("writes");
         fs::write(dir.path().join("circle.toml"), "extends = \"mine.toml\"\n").expect("writes");
+        for (name, text) in [
+            ("heavy.toml", "grey_weights_rgb = [1, 1, 1]\n"),
+            ("flat.toml", "[rectification]\nhomography = [[1, 0, 0], [1, 0, 0], [0, 0, 1]]\n"),
+            ("old.toml", "[rectification]\ncrop = 1\n"),
+        ] {
+            fs::write(dir.path().join(name), format!("extends = \"gelslim\"\n{text}")).expect("writes");
+        }
         fs::write(&path, text).expect("writes");
         load(path.to_str().expect("UTF-8"))
     }
@@ -265,6 +272,25 @@ mod tests {
             ("extends = \"gelslim\"\npitch_px = \"15\"\n", ["mine.toml: pitch_px", "\"15\"", "expected a number"]),
             ("extends = \"gelslim\"\nskin = \"silk\"\n", ["mine.toml: skin", "silk", "`fabric`"]),
             ("extends = \"gelslim\"\n[rectification]\ncrop = 1\n", ["mine.toml", "`rectification.crop`", "crop_px"]),
+            ("extends = \"gelslim\"\nskin = 3\n", ["mine.toml: skin: expected a string", "", ""]),
+            ("extends = \"gelslim\"\nshear = 3\n", ["mine.toml: shear", "integer `3`", "expected a table"]),
+            (
+                "extends = \"gelslim\"\nedge_bands = { low_levels = 3 }\n",
+                ["mine.toml: edge_bands", "type: table", "expected an array"],
+            ),
+            (
+                "extends = \"gelslim\"\nedge_bands = [{ low_levels = 70000, high_levels = 9, rows_to_fraction = 1 }]\n",
+                ["mine.toml: edge_bands[0].low_levels", "`70000`", "expected a whole number from 0 to 65535"],
+            ),
+            ("extends = \"heavy.toml\"\n", ["heavy.toml: grey_weights_rgb (sum)", "a number from", "got 3"]),
+            (
+                "extends = \"flat.toml\"\n[rectification]\ncrop_px = [60, 0, 360, 320]\n",
+                ["flat.toml: rectification.homography", "", ""],
+            ),
+            (
+                "extends = \"old.toml\"\n[rectification]\ncrop_px = [60, 0, 360, 320]\n",
+                ["old.toml", "`rectification.crop`", "crop_px"],
+            ),
             (
                 "extends = \"gelslin\"\n",
                 ["mine.toml: extends: no built-in sensor", "`gelslin`", "did you mean `gelslim`?"],

@@ -85,6 +85,14 @@ mod tests {
             ),
             ("[rest]\nwindow_count = -7\n", ["mine.toml: rest.window_count", "-7", "expected a whole number"]),
             ("[rest]\nwindow_count = 0\n", ["mine.toml: rest.window_count", "a number from 1", "got 0"]),
+            (
+                "[evidence.relaxation]\nheld = 1\nslid = 0.5\n",
+                ["mine.toml: evidence.relaxation.slid", "a number above held, 1,", "got 0.5"],
+            ),
+            (
+                "[evidence.relaxation]\nheld = -1\nslid = 0.5\n",
+                ["mine.toml: evidence.relaxation.held", "a number from 0", "got -1"],
+            ),
             ("[rest\n", ["mine.toml", "line 1", "]"]),
         ] {
             let message = settings(text).expect_err("refused").to_string();

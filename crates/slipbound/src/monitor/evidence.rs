@@ -118,8 +118,12 @@ impl EvidenceSettings {
             ("evidence.centre_rim_ratio", self.centre_rim_ratio),
             ("evidence.imprint_change", self.imprint_change),
         ] {
-            within(key, scale.held, 0.0, 100.0)?;
-            within(key, scale.slid - scale.held, 1e-6, 100.0)?;
+            within(&format!("{key}.held"), scale.held, 0.0, 100.0)?;
+            if !(1e-6..=100.0).contains(&(scale.slid - scale.held)) {
+                let (key, got) = (format!("{key}.slid"), scale.slid.to_string());
+                let expected = format!("a number above held, {}, by at most 100", scale.held);
+                return Err(SettingError { key, got, expected });
+            }
         }
         within("evidence.settle_fraction", self.settle_fraction, 0.0, 10.0)?;
         within("evidence.settle_frames_count", f64::from(self.settle_frames_count), 1.0, 64.0)?;
