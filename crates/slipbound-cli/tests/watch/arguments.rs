@@ -2,6 +2,9 @@
 
 use super::trial::{Ended, SENSOR, SIZE, Trial, encode, jpeg};
 use slipbound::image::SizePx;
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
+use slipbound_rig::container::{Recorder, TappedSource};
+use slipbound_rig::source;
 
 #[test]
 fn every_help_explains_the_exit_codes() {
@@ -125,6 +128,31 @@ fn a_rest_file_fits_its_finger_at_any_resolution() {
         let ended = Ended::of(trial.command(&[&words[..], &[rest]].concat()).output().expect("runs"));
         ended.expect(2, &["it is another finger's: pitch_px"]);
     }
+}
+
+/// A folder of images whose numbers begin at 100, as in a recording that begins while the camera runs.
+struct Late(Box<dyn FrameSource + Send>);
+
+impl FrameSource for Late {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        let next = self.0.next(into);
+        into.seq += 100;
+        next
+    }
+}
+
+#[test]
+fn numbers_that_no_frame_has_are_no_rest_frame() {
+    let trial = Trial::new(4);
+    let recorder = Recorder::create(&trial.path("late.mcap"), &["finger".into()], false).expect("creates");
+    let run = source::open(trial.path("run").to_str().expect("UTF-8")).expect("opens");
+    let mut late = TappedSource::new(Late(run), 0, recorder.inlet(), true);
+    while late.next(&mut FrameBuffer::default()).expect("goes on") != Next::End {}
+    recorder.finish().expect("closes");
+    let refused = "--rest 0..20: late.mcap has no frame there; its first is frame 100";
+    trial.watch("late.mcap", &["--rest", "0..20"]).expect(2, &[refused]);
+    trial.write("run/001.jpg", b"");
+    trial.watch("run", &["--rest", "1..2"]).expect(2, &["--rest 1..2: every frame is torn"]);
 }
 
 #[test]

@@ -180,6 +180,7 @@ pub fn refuse_second_reading(args: &Watch) -> Result<(), Failure> {
 fn frames(source: &str, range: &Range<u64>) -> Result<Vec<FrameBuffer>, Failure> {
     let mut recording = recording::open(source)?;
     let (mut frames, mut frames_count) = (Vec::new(), 0);
+    let (mut first_seq, mut is_torn) = (None, false);
     let mut buffer = FrameBuffer::default();
     while frames_count < range.end {
         match recording.next(&mut buffer)? {
@@ -191,12 +192,18 @@ fn frames(source: &str, range: &Range<u64>) -> Result<Vec<FrameBuffer>, Failure>
             }
             Next::Silent => continue,
             Next::Frame if range.contains(&buffer.seq) => frames.push(buffer.clone()),
-            Next::Frame | Next::Torn { .. } => {}
+            Next::Torn { .. } => is_torn |= range.contains(&buffer.seq),
+            Next::Frame => {}
         }
+        first_seq.get_or_insert(buffer.seq);
         frames_count = buffer.seq + 1;
     }
-    match frames.is_empty() {
-        true => Err(Failure::Arguments(anyhow!("--rest {}..{}: every frame is torn", range.start, range.end))),
-        false => Ok(frames),
+    let refused = |why: String| Err(Failure::Arguments(anyhow!("--rest {}..{}: {why}", range.start, range.end)));
+    match (frames.is_empty(), is_torn) {
+        (false, _) => Ok(frames),
+        (true, true) => refused("every frame is torn".into()),
+        (true, false) => {
+            refused(format!("{source} has no frame there; its first is frame {}", first_seq.unwrap_or_default()))
+        }
     }
 }
