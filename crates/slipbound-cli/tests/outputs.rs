@@ -2,7 +2,8 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 fn slipbound(folder: &Path, args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_slipbound")).current_dir(folder).args(args).output().expect("runs")
@@ -420,4 +421,49 @@ fn of_a_recording_so_many_seconds_are_recorded_as_its_frames_say() {
         let expected = format!("part.mcap: {expected_count} frames");
         assert!(printed(&done).contains(&expected), "expected `{expected}`, got `{}`", printed(&done));
     }
+}
+
+/// A folder of images has no times, so its seconds cannot be counted.
+#[test]
+fn seconds_of_a_recording_without_times_are_refused() {
+    let folder = clip();
+    let recorded = slipbound(folder.path(), &["record", "clip", "-o", "part.mcap"]);
+    assert!(recorded.status.success(), "{}", printed(&recorded));
+    let before = fs::read(folder.path().join("part.mcap")).expect("there");
+    let done = slipbound(folder.path(), &["record", "clip", "-o", "part.mcap", "--for-s", "1"]);
+    let said = printed(&done);
+    assert_eq!(done.status.code(), Some(2), "{said}");
+    assert!(
+        said.contains("--for-s: clip: expected frames with times, got frame 0 (frame_000000.jpg) without"),
+        "{said}"
+    );
+    assert!(fs::read(folder.path().join("part.mcap")).expect("there") == before, "the old recording is lost");
+}
+
+/// The copy of a recording has a beginning only: that is a failure, and its readers are told that it is cut off.
+#[test]
+#[cfg(unix)]
+fn an_interrupted_copy_of_a_recording_is_no_whole_one() {
+    let folder = clip();
+    let path = |name: &str| folder.path().join(name);
+    fs::create_dir(path("long")).expect("made");
+    for number in 0..20_000 {
+        std::os::unix::fs::symlink("../clip/frame_000000.jpg", path(&format!("long/{number}.jpg"))).expect("linked");
+    }
+    let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
+    command.current_dir(folder.path()).args(["record", "long", "-o", "part.mcap"]);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while fs::metadata(path("part.mcap")).map_or(0, |file| file.len()) < 10_000 {
+        assert!(Instant::now() < deadline, "nothing is recorded");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("runs");
+    assert!(told.success());
+    let ended = child.wait_with_output().expect("ends");
+    let said = printed(&ended);
+    assert_eq!(ended.status.code(), Some(1), "{said}");
+    assert!(said.contains("interrupted after ") && said.contains("what was recorded is kept"), "{said}");
+    let watched = slipbound(folder.path(), &["record", "part.mcap", "-o", "again.mcap"]);
+    assert_eq!(watched.status.code(), Some(3), "cut off: {}", printed(&watched));
 }

@@ -7,10 +7,11 @@ use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
 use slipbound::hand::Side;
-use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
 use slipbound_rig::config::hand::finger_name;
 use slipbound_rig::container::{Recorder, TappedSource};
 use slipbound_rig::link::now_ns;
+use slipbound_rig::report_summary::frame_name;
 use slipbound_rig::sensors;
 use slipbound_rig::source::{self, Camera, CameraTally};
 use std::path::{Path, PathBuf};
@@ -37,13 +38,19 @@ pub struct Record {
     /// The sensor of every finger, to go with the recording: a built-in name or a sensor file
     #[arg(long, value_name = "NAME|FILE.toml")]
     sensor: Option<String>,
-    /// Duration in seconds, of a recording by the times of its frames [default: until Ctrl-C or the end of every source]
+    /// Duration in seconds, of a recording by the times of its frames, which it must have [default: until Ctrl-C or the end of every source]
     #[arg(long, value_name = "SECONDS")]
     for_s: Option<f64>,
 }
 
-/// A source on its thread: frames and torn ones counted.
-type Counted = Result<(u64, u64), SourceError>;
+/// What was read of a source.
+#[derive(Default)]
+struct Counted {
+    frames_count: u64,
+    torn_count: u64,
+    /// Whether all that was asked for is there: to the end, or so many seconds.
+    is_whole: bool,
+}
 
 impl Record {
     /// Records until the sources end, the time is over, writing fails, or Ctrl-C.
@@ -68,7 +75,7 @@ impl Record {
         let stop = interruption::listen()?;
         let mut opened = Vec::new();
         for (number, (name, uri)) in names.iter().zip(&self.sources).enumerate() {
-            let one = open(uri, name, number, &recorder, &terminal, &stop);
+            let one = open(uri, name, number, &recorder, &terminal, &stop, self.for_s.is_some());
             // Open sources stop reading when the recording is not made.
             opened.push(one.inspect_err(|_| stop.store(true, Ordering::Relaxed))?);
         }
@@ -77,14 +84,16 @@ impl Record {
         let running: Vec<_> = opened.into_iter().map(|one| one.read(&stop, for_ns)).collect();
         self.wait(&stop, &recorder, &running, &terminal);
         terminal.clear_bar();
-        stop.store(true, Ordering::Relaxed);
-        let (mut seen_count, mut torn_count) = (0, 0);
+        let interrupted = stop.swap(true, Ordering::Relaxed);
+        let (mut seen_count, mut torn_count, mut is_cut) = (0, 0, false);
         let mut failed = None;
         for ((thread, tally), name) in running.into_iter().zip(&names) {
             match thread.join() {
-                Ok(Ok((frames, torn))) => {
+                Ok(Ok(Counted { frames_count: frames, torn_count: torn, is_whole })) => {
                     seen_count += frames + torn;
                     torn_count += torn;
+                    // A camera has no other end.
+                    is_cut |= interrupted && !is_whole && tally.is_none();
                     let told =
                         tally.map_or(format!("{frames} frames, {torn} torn"), |tally| tally.counts().to_string());
                     terminal.say(&format!("{name}: {told}"))?;
@@ -96,11 +105,18 @@ impl Record {
         // A recording without its end is known to be cut off; the old file stays if nothing was recorded.
         if let Some(error) = failed {
             drop(recorder);
-            return Err(error.into());
+            return Err(match error.kind {
+                SourceErrorKind::Settings => Failure::arguments(error),
+                _ => error.into(),
+            });
         }
         if seen_count == 0 {
             drop(recorder);
             return Err(anyhow!("no frame came: {} is as it was", self.output.display()).into());
+        }
+        if is_cut {
+            drop(recorder);
+            return Err(anyhow!("interrupted after {seen_count} frames; what was recorded is kept").into());
         }
         let written = recorder.finish().map_err(|e| Failure::Work(e.into()))?;
         terminal.say(&format!("{}: {} frames", self.output.display(), written.frames_count))?;
@@ -143,7 +159,7 @@ impl Record {
 }
 
 /// A source on its thread; the tally of a camera.
-type Running = (thread::JoinHandle<Counted>, Option<Arc<CameraTally>>);
+type Running = (thread::JoinHandle<Result<Counted, SourceError>>, Option<Arc<CameraTally>>);
 
 /// A source that has been opened.
 enum Opened {
@@ -170,9 +186,13 @@ fn open(
     recorder: &Recorder,
     terminal: &Terminal,
     stop: &Arc<AtomicBool>,
+    for_seconds: bool,
 ) -> Result<Opened, Failure> {
     if !source::is_live(uri) {
-        let recording = source::open(uri).map_err(refused)?;
+        let mut recording = source::open(uri).map_err(refused)?;
+        if for_seconds {
+            recording = Box::new(Timed { recording, uri: uri.into() });
+        }
         return Ok(Opened::Recording(TappedSource::new(recording, number, recorder.inlet(), true)));
     }
     let Camera { source, facts, tally } = source::open_camera(uri).map_err(refused)?;
@@ -186,26 +206,45 @@ fn spawn(
     source: impl FrameSource + Send + 'static,
     stop: &Arc<AtomicBool>,
     for_ns: Option<u64>,
-) -> thread::JoinHandle<Counted> {
+) -> thread::JoinHandle<Result<Counted, SourceError>> {
     let stop = stop.clone();
     thread::spawn(move || drain(source, &stop, for_ns))
 }
 
-fn drain(mut source: impl FrameSource, stop: &AtomicBool, for_ns: Option<u64>) -> Counted {
-    let (mut frames_count, mut torn_count) = (0, 0);
+fn drain(mut source: impl FrameSource, stop: &AtomicBool, for_ns: Option<u64>) -> Result<Counted, SourceError> {
+    let mut counted = Counted::default();
     let mut frame = FrameBuffer::default();
     let mut first_ns = None;
-    while !stop.load(Ordering::Relaxed) {
+    while !counted.is_whole && !stop.load(Ordering::Relaxed) {
         match source.next(&mut frame)? {
-            Next::Frame => frames_count += 1,
-            Next::Torn { .. } => torn_count += 1,
+            Next::Frame => counted.frames_count += 1,
+            Next::Torn { .. } => counted.torn_count += 1,
             Next::Silent => {}
-            Next::End => break,
+            Next::End => counted.is_whole = true,
         }
         let passed_ns = frame.time_ns.map(|ns| ns.saturating_sub(*first_ns.get_or_insert(ns)));
-        if passed_ns.zip(for_ns).is_some_and(|(passed_ns, for_ns)| passed_ns >= for_ns) {
-            break;
-        }
+        counted.is_whole |= passed_ns.zip(for_ns).is_some_and(|(passed_ns, for_ns)| passed_ns >= for_ns);
     }
-    Ok((frames_count, torn_count))
+    Ok(counted)
+}
+
+/// A recording that fails at a frame without a time: its seconds cannot be counted.
+struct Timed {
+    recording: Box<dyn FrameSource + Send>,
+    uri: String,
+}
+
+impl FrameSource for Timed {
+    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        let next = self.recording.next(into)?;
+        if next == Next::Frame && into.time_ns.is_none() {
+            let text = format!("--for-s: {}: expected frames with times, got {} without", self.uri, frame_name(into));
+            return Err(SourceError::new(SourceErrorKind::Settings, text).of_file(&self.uri));
+        }
+        Ok(next)
+    }
+
+    fn frames_count(&self) -> Option<u64> {
+        self.recording.frames_count()
+    }
 }
