@@ -117,6 +117,7 @@ pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
     // Each topic's lines keep their order, whatever their times are.
     lines.sort_by_key(|line| line.time_ns);
     let fingers: Vec<String> = run_fingers(folder).unwrap_or_default();
+    let mut missing = Vec::new();
     for Dated { topic, time_ns, json } in &lines {
         let (times, wrong_line) = (Times::both(*time_ns), |e: serde_json::Error| Error::Syntax {
             path: folder.join(topic),
@@ -133,16 +134,31 @@ pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
                 let record = record_of(&frame);
                 let json = serde_json::to_vec(&record).map_err(wrong_line)?;
                 let times = Times::both(record.time_ns.unwrap_or(*time_ns));
-                converted.frames_count += picture(folder, finger, &record, times, &mut writer, &wrong)?;
+                match picture(folder, finger, &record, times, &mut writer, &wrong)? {
+                    Picture::Missing => missing.push(frame_file(finger, record.seq)),
+                    Picture::Written => converted.frames_count += 1,
+                    Picture::NotKept => {}
+                }
                 writer.message(&format!("/{finger}/frame"), Kind::Frame, record.seq, times, &json).map_err(wrong)?;
             }
         } else if let Some(finger) = topic.strip_prefix('/').and_then(|topic| topic.strip_suffix("/frame")) {
             let record: FrameRecord = serde_json::from_slice(json).map_err(wrong_line)?;
             seq = record.seq;
-            converted.frames_count += picture(folder, finger, &record, times, &mut writer, &wrong)?;
+            match picture(folder, finger, &record, times, &mut writer, &wrong)? {
+                Picture::Written => converted.frames_count += 1,
+                // A finger without any file: its frames came as pixels, and were left out of the folder.
+                Picture::Missing if folder.join(finger).is_dir() => missing.push(frame_file(finger, record.seq)),
+                Picture::Missing | Picture::NotKept => {}
+            }
         }
         writer.message(topic, Kind::of_lines(topic), seq, times, json).map_err(wrong)?;
         converted.lines_count += 1;
+    }
+    if let Some(first) = missing.first() {
+        let count = missing.len();
+        converted
+            .left_out
+            .push(format!("{count} frames without a file, the first {first} (lost, or it came as pixels)"));
     }
     writer.finish().map_err(wrong)?;
     replaced.keep().map_err(|e| wrong(e.into()))?;
@@ -184,7 +200,16 @@ fn record_of(frame: &ListedFrame) -> FrameRecord {
     FrameRecord { seq, time_ns, clock: Clock::Unknown, fate: Fate::Judged, torn, is_kept }
 }
 
-/// Writes the image of a frame, where it is kept; returns how many were written.
+/// What became of the image of a frame.
+enum Picture {
+    Written,
+    /// Its bytes were not recorded.
+    NotKept,
+    /// Its file is not there.
+    Missing,
+}
+
+/// Writes the image of a frame, where it is kept.
 fn picture(
     folder: &Path,
     finger: &str,
@@ -192,15 +217,14 @@ fn picture(
     times: Times,
     writer: &mut McapWriter,
     wrong: &dyn Fn(mcap::McapError) -> recorder::Error,
-) -> Result<u64, ConvertError> {
+) -> Result<Picture, ConvertError> {
     if !record.is_kept {
-        return Ok(0);
+        return Ok(Picture::NotKept);
     }
     let path = folder.join(frame_file(finger, record.seq));
     let encoded = match fs::read(&path) {
         Ok(encoded) => encoded,
-        // A frame that came as pixels was left out of the folder.
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(0),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Picture::Missing),
         Err(source) => return Err(Error::Read { path, source }.into()),
     };
     let frame = FrameBuffer { encoded, ..FrameBuffer::default() };
@@ -208,7 +232,7 @@ fn picture(
     let (_, bytes) = foxglove::write(&frame, finger, stamp_ns);
     let times = Times { stamp_ns, ..times };
     writer.message(&camera_topic(finger), Kind::Compressed, record.seq, times, &bytes).map_err(wrong)?;
-    Ok(1)
+    Ok(Picture::Written)
 }
 
 /// Names of the fingers in `run.toml`.

@@ -106,6 +106,20 @@ fn a_run_that_cannot_be_converted_leaves_the_recording_that_was_there() {
 }
 
 #[test]
+fn a_frame_whose_file_is_gone_is_told_of() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let [folder, file] = ["run", "run.mcap"].map(|name| scratch.path().join(name));
+    record(&file, 4, |_| true);
+    container::to_folder(&file, &folder).expect("is unpacked");
+    let whole = container::to_mcap(&folder, &file).expect("is packed again");
+    assert_eq!((whole.frames_count, whole.left_out.len()), (4, 0));
+    fs::remove_file(folder.join("left/000002.jpg")).expect("there");
+    let converted = container::to_mcap(&folder, &file).expect("the others are carried over");
+    let told = "1 frames without a file, the first left/000002.jpg (lost, or it came as pixels)";
+    assert_eq!((converted.frames_count, converted.left_out), (3, vec![told.to_owned()]));
+}
+
+#[test]
 fn settings_of_a_run_that_are_too_long_are_not_carried_into_a_recording() {
     let scratch = tempfile::tempdir().expect("a folder");
     let (folder, file) = (scratch.path().join("run"), scratch.path().join("run.mcap"));
