@@ -11,9 +11,12 @@ profile=${PROFILE:-release}
 
 # Builds the program for a Rust target and puts it into target/packages.
 static() {
-    local target=$1 name=$2 variable folder=$profile
+    local target=$1 name=$2 variable said folder=$profile
     [ "$profile" = dev ] && folder=debug
-    rustup target add "$target" 2>/dev/null
+    said=$(rustup target add "$target" 2>&1) || {
+        echo "expected Rust's standard library for $target, got from \`rustup target add\`: $said" >&2
+        exit 1
+    }
     variable=CARGO_TARGET_$(tr 'a-z-' 'A-Z_' <<<"$target")
     env "${variable}_LINKER=rust-lld" "${variable}_RUSTFLAGS=-C linker-flavor=ld.lld -C strip=symbols" \
         cargo build --profile "$profile" --locked -p slipbound-cli --target "$target"

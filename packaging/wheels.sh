@@ -18,7 +18,10 @@ for machine in "${@:-x86_64}"; do
         exit 2
         ;;
     esac
-    rustup target add "$machine-unknown-linux-gnu" 2>/dev/null
+    said=$(rustup target add "$machine-unknown-linux-gnu" 2>&1) || {
+        echo "expected Rust's standard library for $machine-unknown-linux-gnu, got from \`rustup target add\`: $said" >&2
+        exit 1
+    }
     (cd python && maturin build --quiet --profile "${PROFILE:-release}" --locked --zig --target "$machine-unknown-linux-gnu" \
         --compatibility manylinux_2_28 --target-dir "$target" --out "$out")
     ls -l "$out"/slipbound-*-manylinux_2_28_"$machine".whl
