@@ -163,8 +163,8 @@ class ControlLoop:
         The wrist.
     task : {"lift", "screw", "unscrew", "place"}
         The task.
-    controller : {"on_slip", "margin", "paper", "constant"} or Controller
-        The controller of the grip force.
+    controller : {"on_slip", "margin", "paper", "constant"}, Controller or None
+        The controller of the grip force; None takes that of the settings, which is ``on_slip`` unless they say otherwise.
     settings : TaskSettings, str, path or None
         Settings of the task: an object, the text of a file, or its path. A ``str`` with a ``=`` or a line break is text.
     observer : callable or None
@@ -180,7 +180,7 @@ class ControlLoop:
         wrist: Wrist,
         *,
         task: Task = "lift",
-        controller: str | Controller = "on_slip",
+        controller: str | Controller | None = None,
         settings: TaskSettings | str | PathLike[str] | None = None,
         observer: Observer | None = None,
         order: Literal["BGR", "RGB"] = "BGR",

@@ -66,8 +66,8 @@ class Hand:
     ----------
     scene : str
         ``lift``, ``screw``, ``unscrew`` or ``place``, or ``TASK?key=value&key=value``.
-    controller : {"on_slip", "margin", "paper", "constant"} or slipbound.control.Controller
-        The controller of the grip force.
+    controller : {"on_slip", "margin", "paper", "constant"}, slipbound.control.Controller or None
+        The controller of the grip force; None takes that of the settings, which is ``on_slip`` unless they say otherwise.
     settings : TaskSettings, str, path or None
         Settings of the task, as :class:`slipbound.control.ControlLoop` takes them.
     monitor : Settings, str, path or None
@@ -87,7 +87,7 @@ class Hand:
         self,
         scene: str,
         *,
-        controller: str | Controller = "on_slip",
+        controller: str | Controller | None = None,
         settings: TaskSettings | str | PathLike[str] | None = None,
         monitor: Settings | str | PathLike[str] | None = None,
         **parameters: Parameter,

@@ -23,8 +23,8 @@ use std::sync::Mutex;
 
 pyo3::import_exception!(slipbound._errors, ControlError);
 
-/// A task with a controller of the settings, or with one written in Python, which is added to `held`. Every finger must
-/// provide what the task needs; the gel is that of the first.
+/// A task with the controller of the settings (None), the one of a name, or one written in Python, which is added to
+/// `held`. Every finger must provide what the task needs; the gel is that of the first.
 fn task_of(
     kind: TaskKind,
     controller: &Bound<'_, PyAny>,
@@ -35,18 +35,21 @@ fn task_of(
 ) -> PyResult<Box<dyn Task + Send>> {
     let stiffness_mpa_per_mm = sensors.first().and_then(|sensor| sensor.shear_stiffness_mpa_per_mm());
     let name = controller.extract::<&str>().ok();
+    let is_own = name.is_none() && !controller.is_none();
     if let Some(name) = name {
         settings.controller = name.parse::<ControllerKind>().map_err(setting)?;
+    } else if is_own {
+        settings.controller = ControllerKind::default(); // theirs plays no part, nor does the end of `paper`
     }
     sensors.iter().try_for_each(|sensor| settings.check_finger(kind, sensor)).map_err(setting)?;
-    let task = if name.is_some() {
-        settings.task(kind, stiffness_mpa_per_mm)
-    } else {
+    let task = if is_own {
         let object = Held::new(controller.clone().unbind());
         held.push(object.clone());
         let controller = Box::new(PythonController::new(object, raised.clone()));
         settings.check().map_err(setting)?;
         settings.task_with(kind, Guard::new(controller, settings.grip), stiffness_mpa_per_mm)
+    } else {
+        settings.task(kind, stiffness_mpa_per_mm)
     };
     task.map_err(setting)
 }

@@ -315,6 +315,20 @@ def test_a_finger_has_a_name_a_rest_frame_and_a_mounting(still, sensor, tmp_path
         run(ControlLoop([pressed], Jaws(), Arm()), 30)
 
 
+def test_the_controller_of_the_settings_is_used_unless_one_is_given(still, sensor):
+    constant = 'controller = "constant"\n'
+    told = []
+    for given in ({}, {"controller": "on_slip"}):
+        control, gripper, _ = loop(still, sensor, settings=constant, **given)
+        run(control, len(still))
+        told.append(set(gripper.told))
+    assert told[0] == {10.0} < told[1]
+    scene = {"seed": 1, "fingers": 1, "mu": 0.35, "longest_s": 6, "grid": "fast"}
+    hand = slipbound.lab.Hand("lift", settings=constant, **scene)
+    hand.run()
+    assert hand.score["most_n"] == 10
+
+
 def test_settings_of_a_task_as_text_object_and_file(still, sensor, tmp_path):
     text = "[grip]\nstart_n = 17.0\n"
     file = tmp_path / "task.toml"

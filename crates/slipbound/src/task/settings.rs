@@ -126,12 +126,16 @@ impl TaskSettings {
         stiffness_mpa_per_mm: Option<f64>,
     ) -> Result<Box<dyn Task + Send>, SettingError> {
         self.check()?;
+        let mut settings = *self;
+        if self.controller == ControllerKind::Paper {
+            settings.screw.end = ScrewEnd::SlipAtMost;
+        }
         let law = match self.controller {
             ControllerKind::Constant => Law::Constant,
             ControllerKind::OnSlip | ControllerKind::Paper => Law::OnSlip(self.on_slip),
             ControllerKind::Margin => Law::Margin(self.margin.for_finger(stiffness_mpa_per_mm)?),
         };
-        self.task_with(kind, law.controller(&self.grip)?, stiffness_mpa_per_mm)
+        settings.task_with(kind, law.controller(&self.grip)?, stiffness_mpa_per_mm)
     }
 
     /// The same with your own controller behind its guard, `Guard::new(Box::new(controller), settings.grip)`; the
@@ -143,12 +147,8 @@ impl TaskSettings {
         stiffness_mpa_per_mm: Option<f64>,
     ) -> Result<Box<dyn Task + Send>, SettingError> {
         self.check()?;
-        let mut screw = self.screw;
-        if self.controller == ControllerKind::Paper {
-            screw.end = ScrewEnd::SlipAtMost;
-        }
         Ok(match kind {
-            TaskKind::Screw => Box::new(Screw::new(screw, grip, stiffness_mpa_per_mm)?),
+            TaskKind::Screw => Box::new(Screw::new(self.screw, grip, stiffness_mpa_per_mm)?),
             TaskKind::Unscrew => Box::new(Unscrew::new(self.unscrew, grip, stiffness_mpa_per_mm)?),
             TaskKind::Place => Box::new(Place::new(self.place, grip, stiffness_mpa_per_mm)?),
             TaskKind::Lift => Box::new(Lift::new(self.lift, grip)?),

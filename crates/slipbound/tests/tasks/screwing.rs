@@ -1,10 +1,11 @@
 //! Screwing and unscrewing a cap: end on evidence.
 
 use crate::synthetic::{FRAME_NS, gripper, hand};
+use slipbound::grip::Law;
 use slipbound::hand::HandVector;
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, WristMotion, WristState};
-use slipbound::task::{Ending, Observation, Phase, Task, TaskKind, TaskSettings};
+use slipbound::task::{ControllerKind, Ending, Observation, Phase, Task, TaskKind, TaskSettings};
 
 /// A cap, and a gripper and a wrist that follow at once; the test defines the shear at each angle.
 struct Bench {
@@ -63,6 +64,19 @@ fn a_cap_is_tight_when_the_shear_stays_flat_at_the_largest_force_and_not_at_the_
     assert_eq!(bench.force_n, 60.0);
     let flat_from_deg = 1.2f64.to_degrees();
     assert!((flat_from_deg + 6.0..flat_from_deg + 12.0).contains(&angle_deg), "{angle_deg}");
+}
+
+/// The paper's end of screwing belongs to the paper's controller: the settings' name for another plays no part.
+#[test]
+fn screwing_with_a_controller_of_your_own_ends_on_evidence() {
+    let settings = TaskSettings::default().with_controller(ControllerKind::Paper);
+    let own = Law::OnSlip(settings.on_slip).controller(&settings.grip).expect("valid");
+    let own = settings.task_with(TaskKind::Screw, own, Some(0.05)).expect("valid");
+    let paper = settings.task(TaskKind::Screw, Some(0.05)).expect("valid");
+    for (task, expected) in [(own, Ending::Tight), (paper, Ending::SlipAtMost)] {
+        let mut bench = Bench { task, ..Bench::new(TaskKind::Screw) };
+        assert_eq!(bench.run(|rad| 2.0 * rad.min(1.2), |rad| rad > 0.5).0, Some(expected));
+    }
 }
 
 /// A cap that turns freely with little friction; at the largest force slip is reported in one frame, or in some far
