@@ -113,14 +113,16 @@ def watch(
     *,
     finger: str = "finger",
 ) -> Watch:
-    """Judge a recording or a simulated scene frame by frame, as ``slipbound watch`` does.
+    """Judge a recording, a camera or a simulated scene frame by frame, as ``slipbound watch`` does.
 
     Parameters
     ----------
     source : str or path
-        An image folder, a pattern, an image, a video file, or ``sim:SCENE?key=value&key=value``.
+        An image folder, a pattern, an image, a video file, the address of a camera, or ``sim:SCENE?key=value&key=value``.
+        Of a camera the newest frame is judged: where the caller is slower, ``seq`` has gaps.
     sensor : Sensor, str, path or None
-        The finger; None takes that of the scene, or the only built-in one whose frames have this size.
+        The finger; None takes that of the scene, of ``sensor.toml`` beside the frames, that in a recording of Slipbound, or
+        the only built-in one whose frames have this size.
     settings : Settings, str, path or None
         The settings; ``"paper"`` is the paper as written.
     finger : str

@@ -22,14 +22,19 @@ use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
 use slipbound_rig::link::now_ns;
 use slipbound_rig::report_summary::torn;
-use slipbound_rig::sensors;
-use slipbound_rig::source::{self, ReadAhead, most_common_size};
+use slipbound_rig::sensors::{self, RecordingError};
+use slipbound_rig::source::{self, Arrivals, Awaited, Newest, ReadAhead, most_common_size};
 use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::{Duration, Instant};
 
 /// Its name in messages.
 const WHAT: &str = "watch";
+
+/// Longest wait until a camera is closed: its thread looks up every tenth of a second, unless it is connecting again.
+const LONGEST_CLOSE: Duration = Duration::from_millis(300);
 
 /// A recording, and where it was opened.
 struct Open {
@@ -40,6 +45,8 @@ struct Open {
     whole: bool,
     frames_count: u64,
     process_id: u32,
+    /// Of a camera, which is read on a thread of its own.
+    arrivals: Option<Arrivals>,
     /// The exception that Ctrl-C raised while the source gave no whole frame.
     raised: Raised,
 }
@@ -101,19 +108,44 @@ fn interrupted_or<R>(py: Python<'_>, result: PyResult<R>) -> PyResult<R> {
     result.or_else(|error| py.check_signals().and(Err(error)))
 }
 
-/// Opens a recording or starts a simulation; also returns the finger of a simulated one.
-fn open_source(uri: &str) -> PyResult<(Box<dyn FrameSource + Send>, Option<CoreSensor>)> {
+/// A source that is open.
+struct Opened {
+    source: Box<dyn FrameSource + Send>,
+    /// The finger of a simulated one.
+    simulated: Option<CoreSensor>,
+    /// Of a camera, whose frames are read on a thread of its own, which keeps the newest.
+    arrivals: Option<Arrivals>,
+}
+
+/// Opens a recording or a camera, or starts a simulation.
+fn open_source(uri: &str) -> PyResult<Opened> {
     let Some(scene) = uri.strip_prefix("sim:") else {
-        let opened = source::open(uri).map_err(|e| Python::attach(|py| source_error(py, e.into())))?;
-        return Ok((opened, None));
+        if source::is_live(uri) {
+            let newest = Newest::new(source::open_camera(uri).map_err(|e| failed(e.into()))?.source);
+            let arrivals = Some(newest.arrivals());
+            return Ok(Opened { source: Box::new(Awaited(newest)), simulated: None, arrivals });
+        }
+        let source = source::open(uri).map_err(|e| failed(e.into()))?;
+        return Ok(Opened { source, simulated: None, arrivals: None });
     };
     let trial = Trial::parse(scene).map_err(setting)?;
     let world = World::new(&trial).map_err(setting)?;
-    let sensor = world.sensor();
-    Ok(match trial.faults() {
-        Some(faults) => (Box::new(Faulty::new(world, faults, trial.seed)), Some(sensor)),
-        None => (Box::new(world), Some(sensor)),
-    })
+    let simulated = Some(world.sensor());
+    let source: Box<dyn FrameSource + Send> = match trial.faults() {
+        Some(faults) => Box::new(Faulty::new(world, faults, trial.seed)),
+        None => Box::new(world),
+    };
+    Ok(Opened { source, simulated, arrivals: None })
+}
+
+/// The finger of a recording that brings its sensor file along, else the only built-in one with frames of this size.
+fn sensor_of_recording(uri: &str, size: SizePx) -> PyResult<CoreSensor> {
+    match sensors::of_recording(uri) {
+        Ok(Some((sensor, _))) => Ok(sensor),
+        Ok(None) => sensor_of_frames(uri, size),
+        Err(RecordingError::Sensor(error)) => Err(config(error)),
+        Err(RecordingError::Source(error)) => Err(failed(error.into())),
+    }
 }
 
 /// The only built-in finger with frames of this size.
@@ -140,6 +172,17 @@ fn warn(py: Python<'_>, text: &str) -> PyResult<()> {
     PyErr::warn(py, py.get_type::<PyRuntimeWarning>().as_any(), &text, 1)
 }
 
+/// Closes a source. A camera is waited for, so that it can be opened again: many serve one program at a time.
+fn close(open: Open) {
+    // A fork has no thread that could close it.
+    let arrivals = open.arrivals.clone().filter(|_| open.process_id == std::process::id());
+    drop(open);
+    let from = Instant::now();
+    while arrivals.as_ref().is_some_and(|arrivals| !arrivals.is_closed()) && from.elapsed() < LONGEST_CLOSE {
+        thread::sleep(Duration::from_millis(1));
+    }
+}
+
 fn failed(error: SourceFailure) -> PyErr {
     Python::attach(|py| source_error(py, error))
 }
@@ -151,12 +194,12 @@ impl Watch {
         settings: Arc<CoreSettings>,
         finger: String,
     ) -> PyResult<Self> {
-        let (opened, simulated) = open_source(&uri)?;
+        let Opened { source, simulated, arrivals } = open_source(&uri)?;
         let raised = Raised::default();
-        let opened = Box::new(Interruptible { source: opened, raised: raised.clone() });
-        let mut recording = match source::is_live(&uri) {
-            true => ReadAhead::live(opened, &uri, now_ns),
-            false => ReadAhead::new(opened),
+        let source = Box::new(Interruptible { source, raised: raised.clone() });
+        let mut recording = match arrivals.is_some() {
+            true => ReadAhead::live(source, &uri, now_ns),
+            false => ReadAhead::new(source),
         };
         let window_count = settings.rest.window_count as usize;
         let ahead = recording.read_ahead(window_count);
@@ -179,7 +222,7 @@ impl Watch {
         let sensor = match (sensor, simulated) {
             (Some(sensor), _) => sensor,
             (None, Some(sensor)) => Arc::new(sensor),
-            (None, None) => Arc::new(sensor_of_frames(&uri, size)?),
+            (None, None) => Arc::new(sensor_of_recording(&uri, size)?),
         };
         let mut finder = RestFinder::new(&sensor, &settings, size).map_err(setting)?;
         for frame in &seen {
@@ -193,7 +236,7 @@ impl Watch {
         let monitor = Box::new(RecordingMonitor::with_rest_of_first_frames(monitor).map_err(setting)?);
         let process_id = std::process::id();
         let frame = FrameBuffer::default();
-        let open = Open { recording, monitor, frame, whole: false, frames_count: 0, process_id, raised };
+        let open = Open { recording, monitor, frame, whole: false, frames_count: 0, process_id, arrivals, raised };
         Ok(Watch { source: uri, finger, sensor, settings, clock, rest_kind, open: Mutex::new(Some(open)) })
     }
 
@@ -261,8 +304,9 @@ impl Watch {
     }
 
     /// Closes the source. Reports already given stay valid.
-    fn close(&self) -> PyResult<()> {
-        exclusive(&self.open, WHAT)?.take();
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        let Some(open) = exclusive(&self.open, WHAT)?.take() else { return Ok(()) };
+        py.detach(|| close(open));
         Ok(())
     }
 
@@ -271,8 +315,8 @@ impl Watch {
     }
 
     #[pyo3(signature = (*_exception))]
-    fn __exit__(&self, _exception: &Bound<'_, PyAny>) -> PyResult<bool> {
-        self.close()?;
+    fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, PyAny>) -> PyResult<bool> {
+        self.close(py)?;
         Ok(false)
     }
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import socket
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +77,55 @@ def test_a_torn_frame_is_warned_of_with_its_file_and_reason(tmp_path):
         image.write_bytes(b"")
     with pytest.raises(slipbound.SourceError, match=r"got none; frame 0 \(.*\) is torn: empty: zero bytes"):
         slipbound.watch(folder, sensor=folder / "sensor.toml")
+
+
+def test_a_recording_brings_its_finger_along(tmp_path):
+    folder, recording = tmp_path / "run", tmp_path / "run.mcap"
+    for arguments in (["simulate", SCENE, "-o", folder], ["watch", folder, "--record", recording]):
+        subprocess.run([sys.executable, "-m", "slipbound", *arguments], capture_output=True, check=True)
+    for source in (folder, recording):
+        expected = lines_of_the_command(str(source), tmp_path)
+        assert len(expected) > 10 and lines_of_python(str(source)) == expected, source
+        assert slipbound.watch(source).sensor.name == "gelslim_sim"
+    (folder / "sensor.toml").write_text("pich_px = 3\n")
+    with pytest.raises(slipbound.SettingError, match="sensor.toml: .*pich_px"):
+        slipbound.watch(folder)
+
+
+class Camera:
+    """Serves these images over HTTP 60 times a second, the last one for ever, to one client at a time."""
+
+    def __init__(self, jpegs: list[bytes]) -> None:
+        self.jpegs, self.sent_count, self.pauses = jpegs, 0, threading.Event()
+        self.server = socket.create_server(("127.0.0.1", 0))
+        self.address = f"http://127.0.0.1:{self.server.getsockname()[1]}/"
+        threading.Thread(target=self.serve, daemon=True).start()
+
+    def serve(self) -> None:
+        self.client, _ = self.server.accept()
+        self.client.recv(1 << 12)
+        self.client.sendall(b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=a\r\n\r\n")
+        with contextlib.suppress(OSError):  # the client has left
+            while not self.pauses.wait(1 / 60):
+                jpeg = self.jpegs[min(self.sent_count, len(self.jpegs) - 1)]
+                self.client.sendall(b"--a\r\nContent-Length: %d\r\n\r\n%s\r\n" % (len(jpeg), jpeg))
+                self.sent_count += 1
+
+
+def test_of_a_camera_the_newest_frame_is_judged_and_it_is_free_again_when_closed(frames, sensor):
+    camera = Camera([frame.jpeg for frame in frames])
+    watched = slipbound.watch(camera.address, sensor=sensor)
+    for _ in range(watched.settings.to_dict()["rest"]["window_count"]):
+        next(watched)
+    seqs = []
+    for _ in range(10):
+        time.sleep(0.2)
+        seqs.append(next(watched).seq)
+    assert camera.sent_count - seqs[-1] < 30 and seqs[-1] - seqs[0] > 60, (camera.sent_count, seqs)
+    camera.pauses.set()
+    watched.close()
+    with contextlib.suppress(ConnectionResetError):
+        assert camera.client.recv(1, socket.MSG_DONTWAIT) == b""
 
 
 def clips() -> list[tuple[str, str]]:

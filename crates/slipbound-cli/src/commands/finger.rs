@@ -25,11 +25,7 @@ pub fn of(
     if let Some(sensor) = recording::simulated_sensor(source)? {
         return Ok((sensor, None));
     }
-    if let Some(file) = recording::sensor_beside(source) {
-        let sensor = sensors::load(&file.to_string_lossy()).map_err(Failure::arguments)?;
-        return Ok((sensor, Some(format!("no --sensor given: took {}", file.display()))));
-    }
-    if let Some((sensor, place)) = recording::sensor_within(source)? {
+    if let Some((sensor, place)) = recording::enclosed_sensor(source)? {
         return Ok((sensor, Some(format!("no --sensor given: took {place}"))));
     }
     if let Some((sensor, file)) = saved {

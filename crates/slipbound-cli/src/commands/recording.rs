@@ -6,11 +6,10 @@ use slipbound::sensor::Sensor;
 use slipbound_lab::faults::Faulty;
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
-use slipbound_rig::container::{Inlet, MarkedSource, Recorder, TappedSource, attached_sensor};
+use slipbound_rig::container::{Inlet, MarkedSource, Recorder, TappedSource};
 use slipbound_rig::link::now_ns;
-use slipbound_rig::sensors;
+use slipbound_rig::sensors::{self, RecordingError};
 use slipbound_rig::source::{self, Arrivals, Awaited, Camera, CameraTally, Encoded, Newest, ReadAhead};
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A camera whose frames are read on a thread of their own, which keeps the newest.
@@ -108,21 +107,12 @@ pub fn simulated_sensor(source: &str) -> Result<Option<Sensor>, Failure> {
     World::new(&trial).map(|world| Some(world.sensor())).map_err(Failure::arguments)
 }
 
-/// The sensor file beside the frames of a recording, as `simulate` writes it.
-pub fn sensor_beside(source: &str) -> Option<PathBuf> {
-    let first = source::image_files(source).into_iter().next()?;
-    Some(first.with_file_name("sensor.toml")).filter(|file| file.is_file())
-}
-
-/// The sensor in an MCAP recording of ours, and its place.
-pub fn sensor_within(source: &str) -> Result<Option<(Sensor, String)>, Failure> {
-    let Some((file, topic)) = source::mcap_file(source).filter(|(file, _)| file.ends_with(".mcap")) else {
-        return Ok(None);
-    };
-    let Some((name, text)) = attached_sensor(Path::new(file), topic).map_err(refused)? else { return Ok(None) };
-    let place = format!("{name} of {file}");
-    let sensor = sensors::parse(&text, &place).map_err(Failure::arguments)?;
-    Ok(Some((sensor, place)))
+/// The finger that a recording brings along, and its place.
+pub fn enclosed_sensor(source: &str) -> Result<Option<(Sensor, String)>, Failure> {
+    sensors::of_recording(source).map_err(|error| match error {
+        RecordingError::Sensor(error) => Failure::arguments(error),
+        RecordingError::Source(error) => refused(error),
+    })
 }
 
 fn scene(source: &str) -> Option<&str> {

@@ -9,6 +9,7 @@
 use super::error::Error;
 use super::layer::{Layer, file_of_key, typed};
 use crate::replaced_file::ReplacedFile;
+use crate::source;
 use slipbound::image::SizePx;
 use slipbound::sensor::Sensor;
 use slipbound::setting::nearest;
@@ -79,6 +80,44 @@ pub fn to_toml(sensor: &Sensor) -> Result<String, toml::ser::Error> {
 pub fn of_frames(size: SizePx) -> Result<Vec<Sensor>, Error> {
     let all: Result<Vec<Sensor>, Error> = names().map(load).collect();
     Ok(all?.into_iter().filter(|sensor| sensor.image_px == size).collect())
+}
+
+/// The finger that a recording brings along, and its place: `sensor.toml` beside its images, as `slipbound simulate`
+/// writes it, or the one in an MCAP recording of ours. None where there is neither.
+pub fn of_recording(uri: &str) -> Result<Option<(Sensor, String)>, RecordingError> {
+    let beside = source::image_files(uri).first().map(|first| first.with_file_name("sensor.toml"));
+    if let Some(file) = beside.filter(|file| file.is_file()) {
+        let place = file.display().to_string();
+        return Ok(Some((load(&place)?, place)));
+    }
+    within(uri)
+}
+
+#[cfg(feature = "mcap")]
+fn within(uri: &str) -> Result<Option<(Sensor, String)>, RecordingError> {
+    let Some((file, topic)) = source::mcap_file(uri).filter(|(file, _)| file.ends_with(".mcap")) else {
+        return Ok(None);
+    };
+    let attached = crate::container::attached_sensor(Path::new(file), topic)?;
+    let Some((name, text)) = attached else { return Ok(None) };
+    let place = format!("{name} of {file}");
+    Ok(Some((parse(&text, &place)?, place)))
+}
+
+#[cfg(not(feature = "mcap"))]
+fn within(_uri: &str) -> Result<Option<(Sensor, String)>, RecordingError> {
+    Ok(None)
+}
+
+/// Why the finger of a recording cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// Its sensor file is not valid.
+    #[error(transparent)]
+    Sensor(#[from] Error),
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Source(#[from] source::Error),
 }
 
 fn checked(layers: &[Layer]) -> Result<Sensor, Error> {

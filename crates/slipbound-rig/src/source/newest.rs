@@ -20,6 +20,8 @@ struct Slot {
     end: Option<Result<(), SourceError>>,
     replaced_count: u64,
     is_abandoned: bool,
+    /// The thread has ended, and with it the source.
+    is_closed: bool,
     /// The thread that asked last and found nothing: it is woken when something arrives.
     asks: Option<Thread>,
 }
@@ -68,6 +70,11 @@ impl Arrivals {
         !slot.is_empty()
     }
 
+    /// Whether the source is closed, so that it can be opened again: soon after its reader is dropped.
+    pub fn is_closed(&self) -> bool {
+        self.0.lock().is_closed
+    }
+
     /// Frames that a newer one replaced before they were taken: they were never judged.
     pub fn replaced_count(&self) -> u64 {
         self.0.lock().replaced_count
@@ -108,7 +115,10 @@ impl Newest {
         let frames_count = source.frames_count();
         let shared = Arc::new(Shared { slot: Mutex::default(), taken: Condvar::new() });
         let theirs = shared.clone();
-        thread::spawn(move || read(source, &theirs, room_count));
+        thread::spawn(move || {
+            read(source, &theirs, room_count);
+            theirs.lock().is_closed = true;
+        });
         Newest { shared, frames_count }
     }
 
