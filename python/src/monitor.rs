@@ -236,11 +236,14 @@ impl Monitor {
             Phase::Looking(finder) => finder,
         };
         let size = frame.pixels.size();
-        let nothing = || Kept::nothing(self.sensor.clone(), size);
-        // Such a frame does not matter for the others: the search goes on with them.
-        if let Err(error) = self.sensor.at_size(size) {
-            return Ok((unjudged(frame, grip), nothing(), Some(error.to_string())));
-        }
+        let sensor = match self.sensor.at_size(size) {
+            Ok(sensor) => Arc::new(sensor),
+            // Such a frame does not matter for the others: the search goes on with them.
+            Err(error) => {
+                let nothing = Kept::nothing(self.sensor.clone(), size);
+                return Ok((unjudged(frame, grip), nothing, Some(error.to_string())));
+            }
+        };
         let new = || RestFinder::new(&self.sensor, &self.settings, size).map(Box::new).map_err(setting);
         // The frames before had another size: the search begins again.
         let same = finder.take().filter(|looking| looking.sensor().image_px == size);
@@ -261,7 +264,7 @@ impl Monitor {
             let window_count = self.settings.rest.window_count;
             format!("no rest frame yet: it is looked for among the first {window_count} frames")
         };
-        Ok((unjudged(frame, grip), nothing(), Some(waiting)))
+        Ok((unjudged(frame, grip), Kept::nothing(sensor, size), Some(waiting)))
     }
 }
 

@@ -96,6 +96,18 @@ def test_rest_is_found_among_the_first_frames(frames, sensor):
     assert monitor.step(frames[0].image()).state == "no_contact"
 
 
+@pytest.mark.parametrize("scale", [0.5, 2])
+def test_overlays_have_one_size_while_the_rest_frame_is_searched_and_after(frames, sensor, scale):
+    def scaled(image):
+        return image[::2, ::2] if scale == 0.5 else image.repeat(2, 0).repeat(2, 1)
+
+    monitor = slipbound.Monitor(sensor, rest="auto")
+    images = [scaled(frame.image()) for frame in frames[:22]]
+    drawn = [slipbound.overlay(image, monitor.step(image)) for image in images]
+    assert monitor.is_ready and len({picture.shape for picture in drawn}) == 1
+    assert (drawn[0] > 40).mean() > 0.5, "the frame is in it"
+
+
 def test_frame_of_another_size_is_unjudged_as_in_rust(monitor, frames):
     report = monitor.step(frames[0].image()[:100])
     assert report.state == "unjudged" and report.reason == "frame size: expected 640x480, got 640x100"
