@@ -1,9 +1,13 @@
 //! The overlay of a computed finger: every symbol appears in its colour, and nowhere else.
 
+use slipbound::events::SlipEvent;
 use slipbound::image::{Frame, Gray, Pixels, SizePx};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipRule, SlipState};
 use slipbound::plane::Vec2;
+use slipbound::port::{FrameBuffer, PixelFormat};
 use slipbound_rig::overlay::{Overlay, OverlayWriter};
+use slipbound_rig::report_summary::ReportSummary;
+use slipbound_rig::run::RecordingPage;
 use slipbound_rig::sensors;
 use slipbound_rig::source;
 use std::fs;
@@ -158,5 +162,24 @@ fn pictures_go_into_a_folder_or_a_video() {
             assert_eq!(read.pixels == overlay.rgb(), exact);
         }
         assert_eq!(source.next(&mut read).expect("reads"), slipbound::port::Next::End);
+    }
+}
+
+#[test]
+fn the_page_of_a_recording_tells_once_from_which_slip_on_there_is_no_picture() {
+    let (monitor, pixels, report) = slipping();
+    let frame = FrameBuffer { pixels, format: PixelFormat::Gray, size: SIZE, ..FrameBuffer::default() };
+    let mut page = RecordingPage::new("a clip", "left", None, &monitor);
+    page.see(&report);
+    let told = "Pictures of the first 60 slips only";
+    for slip in 1..=62 {
+        let begins = SlipEvent::Begins { slip, seq: report.seq, time_ns: None, kind: None, direction_rad: None };
+        page.event(&begins, "slip", &frame, &monitor);
+        if [60, 62].contains(&slip) {
+            let html = page.html(&ReportSummary::new());
+            let shown = (html.matches("<img").count(), html.matches(told).count());
+            assert_eq!(shown, (60, usize::from(slip > 60)), "{slip} slips");
+            assert!(slip == 60 || html.find(told) < html.find("id=\"slip-61\""));
+        }
     }
 }

@@ -29,7 +29,7 @@ use slipbound::task::Ending;
 use std::fmt;
 use text::{in_words, seconds};
 
-/// Images put into the page; later ones are only in the folder. 60 of them are some 6 MB.
+/// Images put into the page; later ones of a run are only in the folder. 60 of them are some 6 MB.
 pub(super) const PICTURES_MOST: usize = 60;
 
 /// Legend of the arrows in the images.

@@ -34,7 +34,7 @@ pub struct Watch {
     /// Write every slip from its first frame to its last, one JSON object a line
     #[arg(long, value_name = "FILE.jsonl")]
     pub(super) slips: Option<PathBuf>,
-    /// Write a page with plots over time and a picture of every slip
+    /// Write a page with plots over time and pictures of the first 60 slips
     #[arg(long, value_name = "PAGE.html")]
     pub(super) report: Option<PathBuf>,
     /// Put the displacement and slip of every marker into the report

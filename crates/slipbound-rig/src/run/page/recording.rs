@@ -250,7 +250,14 @@ impl fmt::Display for PageText<'_> {
             true => writeln!(f, "<p>No slip was seen.</p>")?,
             false => writeln!(f, "{}", super::KEY)?,
         }
-        for slip in &page.slips {
+        for (i, slip) in page.slips.iter().enumerate() {
+            if i == PICTURES_MOST {
+                writeln!(
+                    f,
+                    "<p class=\"key\">Pictures of the first {i} slips only: the page has no room for more. \
+                     <code>--overlay</code> shows every frame.</p>"
+                )?;
+            }
             let (number, title) = (slip.number, Escaped(&slip.title));
             writeln!(f, "<article id=\"slip-{number}\">\n<h3><span class=\"badge\">{number}</span> {title}</h3>")?;
             if let Some(jpeg) = &slip.jpeg {
