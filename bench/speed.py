@@ -42,7 +42,10 @@ def instructions(program, finger, frames_count):
 
 
 def instructions_per_frame(program, finger):
-    return (instructions(program, finger, MANY) - instructions(program, finger, FEW)) / (MANY - FEW)
+    counted = instructions(program, finger, MANY) - instructions(program, finger, FEW)
+    if counted <= 0:
+        sys.exit(f"{finger}: nothing was measured: callgrind counted {counted} instructions in {MANY - FEW} frames")
+    return counted / (MANY - FEW)
 
 
 def check(program):
@@ -51,6 +54,8 @@ def check(program):
     risen = large = False
     for finger in FINGERS:
         before, now = known[finger]["instructions_per_frame"], instructions_per_frame(program, finger)
+        if now < before / 2:
+            sys.exit(f"{finger}: not all was measured: {now:.0f} instructions a frame, recorded {before:.0f}; if a frame takes so few, run bench/speed.sh")
         mib = bench(program, "memory", finger)["monitor_mib"]
         risen |= now > MOST_RISE * before
         large |= mib > MOST_MIB
