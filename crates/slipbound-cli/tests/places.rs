@@ -92,6 +92,7 @@ fn files_and_folders_of_somebody_else_stay() {
             "mine: expected a new or empty folder, or one with sweep.json",
         ),
         ("paper --trials 1 -o mine", "mine: expected a new or empty folder, or one with table1/sweep.json"),
+        ("paper --trials 0 -o made", "invalid value '0' for '--trials <N>': 0 is not in 1.."),
         ("emulate wsg50 --log notes", "--log: expected a new file, or one that slipbound wrote, got notes"),
     ] {
         let done = slipbound(folder.path(), line);

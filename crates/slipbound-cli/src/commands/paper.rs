@@ -29,7 +29,7 @@ pub struct Paper {
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Trials of Table I instead of its 240 and the 80 at 50 N
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     trials: Option<u64>,
     /// Trials at a time [default: as many as there are cores]
     #[arg(long, value_name = "N")]

@@ -15,6 +15,7 @@ use crate::objects::OBJECTS;
 use crate::random::Random;
 use crate::rivals::{DETECTORS, Entry};
 use crate::scenes::Trial;
+use std::collections::BTreeMap;
 
 /// Grip forces per finger in N: the least force of a common gripper, a firm grip, a strong one.
 pub const FORCES_N: [f64; 3] = [5.0, 15.0, 30.0];
@@ -30,6 +31,10 @@ const AT_FORCE: u64 = 8;
 
 /// Objects of the paper: the library without the cap.
 const OBJECTS_COUNT: u64 = 10;
+
+/// Trials of the paper, and those at 50 N.
+const PAPERS_COUNT: u64 = OBJECTS_COUNT * AT_FORCE * FORCES_N.len() as u64;
+const STRONG_COUNT: u64 = OBJECTS_COUNT * AT_FORCE;
 
 /// The paper's results: right, false positives, false negatives, in percent of 240 trials.
 const PUBLISHED: [f64; 3] = [86.25, 0.83, 12.92];
@@ -145,8 +150,16 @@ impl Protocol for Table1 {
             records.iter().filter(|r| r.detector == name && !never_slides(r)).collect()
         };
         let is_paper = |r: &&TrialRecord| r.number_of("force_n") != Some(STRONG_FORCE_N);
+        let trials: BTreeMap<u64, bool> = records.iter().map(|r| (r.number, is_paper(&r))).collect();
+        let papers_count = trials.values().filter(|is_paper| **is_paper).count() as u64;
+        let strong_count = trials.len() as u64 - papers_count;
+        let title = match papers_count {
+            PAPERS_COUNT => format!("All {PAPERS_COUNT}"),
+            some => format!("{some} of {PAPERS_COUNT}"),
+        };
+        let strong_share = if strong_count == STRONG_COUNT { String::new() } else { format!("{strong_count} of ") };
         let mut all = Table::new(
-            "All 240",
+            &title,
             &format!(
                 "Right, false positives and false negatives as shares of all trials, as the paper prints them. Alarms while gripping are counted \
                  apart, as the paper's reference is taken after that.{}",
@@ -155,15 +168,15 @@ impl Protocol for Table1 {
             &HEAD,
         );
         let left_out = left_out_note(records.iter().filter(|r| !is_paper(r)));
-        let mut strong =
-            Table::new("The same at 50 N", &format!("80 trials more; the paper has none.{left_out}"), &HEAD);
+        let strong_note = format!("{strong_share}{STRONG_COUNT} trials more; the paper has none.{left_out}");
+        let mut strong = Table::new("The same at 50 N", &strong_note, &HEAD);
         for name in names() {
             let (paper, more): (Vec<&TrialRecord>, Vec<&TrialRecord>) = of(name).into_iter().partition(is_paper);
             all.rows.extend(row(name.into(), &paper));
             strong.rows.extend(row(name.into(), &more));
         }
-        let [right, fp, fn_] = PUBLISHED.map(|percent| Cell::published(percent, 240));
-        let mut published = vec!["as published, on real touch".into(), Cell::Count(240), right, fp, fn_];
+        let [right, fp, fn_] = PUBLISHED.map(|percent| Cell::published(percent, PAPERS_COUNT));
+        let mut published = vec!["as published, on real touch".into(), Cell::Count(PAPERS_COUNT), right, fp, fn_];
         published.resize(HEAD.len(), Cell::None);
         all.rows.push(published);
         let mut failing = Table::new(
@@ -326,6 +339,7 @@ mod tests {
             record(3, Outcome::Late, 0.4),
         ];
         let tables = Table1::new(0, Some(4)).tables(&records);
+        assert_eq!((&*tables[0].title, &tables[1].note[..27]), ("4 of 240", "0 of 80 trials more; the pa"));
         let row = &tables[0].rows[0];
         assert_eq!(
             (&row[2], &row[4], &row[5]),
