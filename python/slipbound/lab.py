@@ -155,7 +155,7 @@ class Detector(ABC):
 
     @abstractmethod
     def see(self, report: Report, image: NDArray[np.uint8]) -> float:
-        """Return the score of a frame: larger means stronger evidence of slip.
+        """Return the score of a frame: larger means stronger evidence of slip, infinity too. NaN never alarms.
 
         Parameters
         ----------

@@ -21,7 +21,7 @@ pub trait CustomDetector {
     /// Resets it: a trial begins.
     fn begin(&mut self);
 
-    /// Judges a frame: a larger score means stronger evidence of slip. A score that is not finite counts as 0.
+    /// Judges a frame: a larger score means stronger evidence of slip, infinity too. NaN never alarms and counts as 0.
     fn see(&mut self, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) -> f64;
 
     /// Makes the last frame seen its reference: the one before the load.
@@ -54,10 +54,11 @@ pub fn judge(
     detector.begin();
     let mut look = |frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor| {
         let raw_score = detector.see(frame, report, monitor);
-        let score = if raw_score.is_finite() { raw_score } else { 0.0 };
+        // Records are JSON, which has no infinity.
+        let score = if raw_score.is_nan() { 0.0 } else { raw_score.clamp(f64::MIN, f64::MAX) };
         seen.push(Seen {
             score,
-            alarms: score > threshold,
+            alarms: raw_score > threshold,
             state: report.state,
             estimates: ReportEstimates::default(),
         });
@@ -114,6 +115,19 @@ mod tests {
         }
     }
 
+    /// The same score for every frame.
+    struct Always(f64);
+
+    impl CustomDetector for Always {
+        fn begin(&mut self) {}
+
+        fn see(&mut self, _: &FrameBuffer, _: &SlipReport, _: &SlipMonitor) -> f64 {
+            self.0
+        }
+
+        fn restart(&mut self) {}
+    }
+
     #[test]
     fn a_detector_of_the_list_gets_the_same_record_as_a_custom_one() {
         let ramps = Ramps::new(5, Some(2));
@@ -131,25 +145,29 @@ mod tests {
 
     #[test]
     fn one_that_never_responds_misses_and_one_of_a_listed_name_is_refused() {
-        struct Unresponsive;
-        impl CustomDetector for Unresponsive {
-            fn begin(&mut self) {}
-            fn see(&mut self, _: &FrameBuffer, _: &SlipReport, _: &SlipMonitor) -> f64 {
-                f64::NAN
-            }
-            fn restart(&mut self) {}
-        }
         let ramps = Ramps::new(5, Some(1));
         let beside = rivals(&["ours_frames", "paper"]).expect("two");
-        let records = judge(&ramps, 0, ("unresponsive", 1.0, &mut Unresponsive), &beside).expect("a sound trial");
+        let records = judge(&ramps, 0, ("unresponsive", 1.0, &mut Always(f64::NAN)), &beside).expect("a sound trial");
         let names: Vec<&str> = records.iter().map(|r| r.detector.as_str()).collect();
         assert_eq!(names, ["unresponsive", "ours_frames", "paper"]);
         assert_eq!((Outcome::of(&records[0]), records[0].score), (Some(Outcome::Missed), 0.0));
         assert_eq!(records[1], ramps.judge(0, &beside).expect("sound")[0], "ours is not disturbed by the other");
         for (name, threshold, key) in [("paper", 1.0, "name"), ("", 1.0, "name"), ("mine", f64::NAN, "threshold")] {
-            let error = judge(&ramps, 0, (name, threshold, &mut Unresponsive), &[]).expect_err("refused").to_string();
+            let error =
+                judge(&ramps, 0, (name, threshold, &mut Always(f64::NAN)), &[]).expect_err("refused").to_string();
             assert!(error.contains(key), "{error}");
         }
         assert!(rivals(&["nobody"]).is_err());
+    }
+
+    #[test]
+    fn an_infinite_score_is_an_alarm_and_nan_is_none() {
+        let ramps = Ramps::new(5, Some(1));
+        for (score, threshold, alarms, recorded) in
+            [(f64::INFINITY, 1.0, true, f64::MAX), (f64::NEG_INFINITY, -1.0, false, 0.0), (f64::NAN, -1.0, false, 0.0)]
+        {
+            let records = judge(&ramps, 0, ("mine", threshold, &mut Always(score)), &[]).expect("a sound trial");
+            assert_eq!((records[0].first_alarm_frame.is_some(), records[0].score), (alarms, recorded), "{score}");
+        }
     }
 }
