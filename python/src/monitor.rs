@@ -56,7 +56,7 @@ enum Phase {
 struct State {
     phase: Phase,
     frames_count: u64,
-    /// Pixels of arrays whose rows are not contiguous.
+    /// Pixels of arrays that are not contiguous.
     scratch: Vec<u8>,
 }
 
@@ -114,7 +114,8 @@ impl Monitor {
     /// Parameters
     /// ----------
     /// frame : numpy.ndarray
-    ///     uint8, H x W x 3 or H x W, as the camera delivers it. Read in place where its rows are contiguous.
+    ///     uint8, H x W x 3 or H x W, as the camera delivers it. Read in place where it is contiguous as a whole, also
+    ///     with its channels reversed (``[:, :, ::-1]``); a part of a larger one is copied first.
     /// grip_n : float or None
     ///     Normal force per finger in newtons, where it is known.
     /// time_ns : int or None

@@ -1,4 +1,4 @@
-//! A numpy array as a frame: borrowed where its rows are contiguous, else copied row by row.
+//! A numpy array as a frame: borrowed where it is contiguous as a whole, else copied row by row.
 
 use crate::errors::FrameError;
 use numpy::ndarray::{ArrayView3, ArrayViewD, Axis};
@@ -56,7 +56,7 @@ impl<'py> Picture<'py> {
         Ok(Picture { array, order })
     }
 
-    /// The pixels, borrowed from the array, or from `scratch` where its rows are not contiguous.
+    /// The pixels, borrowed from the array, or from `scratch` where it is not contiguous.
     pub fn pixels<'a>(&'a self, scratch: &'a mut Vec<u8>) -> PyResult<Pixels<'a>> {
         let view = three_axes(self.array.as_array())?;
         let (height, width, channels) = view.dim();
