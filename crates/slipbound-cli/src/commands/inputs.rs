@@ -11,22 +11,29 @@ use std::path::Path;
 /// The first bytes of an MCAP file.
 const MCAP: &[u8] = b"\x89MCAP0\r\n";
 
-/// Whether both names lead to one file, also through links of either kind.
+/// An existing file or folder, the same through links of either kind.
+#[derive(Debug, PartialEq, Eq, Hash)]
+pub struct FileIdentity(#[cfg(unix)] (u64, u64), #[cfg(not(unix))] std::path::PathBuf);
+
+impl FileIdentity {
+    /// That of a path; None where there is nothing.
+    #[cfg(unix)]
+    pub fn of(path: &Path) -> Option<Self> {
+        use std::os::unix::fs::MetadataExt;
+        fs::metadata(path).ok().map(|there| FileIdentity((there.dev(), there.ino())))
+    }
+
+    /// That of a path; None where there is nothing.
+    #[cfg(not(unix))]
+    pub fn of(path: &Path) -> Option<Self> {
+        fs::canonicalize(path).ok().map(FileIdentity)
+    }
+}
+
+/// Whether both names lead to one file or folder, also through links of either kind.
 pub fn is_same(one: &Path, other: &Path) -> bool {
-    let (Ok(first), Ok(second)) = (fs::canonicalize(one), fs::canonicalize(other)) else { return false };
-    first == second || is_same_node(&first, &second)
-}
-
-#[cfg(unix)]
-fn is_same_node(one: &Path, other: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    let node = |path: &Path| fs::metadata(path).ok().filter(fs::Metadata::is_file).map(|file| (file.dev(), file.ino()));
-    node(one).is_some_and(|node_of_one| node(other) == Some(node_of_one))
-}
-
-#[cfg(not(unix))]
-fn is_same_node(_: &Path, _: &Path) -> bool {
-    false
+    let first = FileIdentity::of(one);
+    first.is_some() && first == FileIdentity::of(other)
 }
 
 /// Refuses a file that would be inside a folder that is read.

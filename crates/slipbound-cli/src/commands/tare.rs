@@ -114,8 +114,10 @@ impl Tare {
         let Ok(place) = fs::canonicalize(&self.output) else { return Ok(()) };
         let mcap = source::mcap_file(&self.source).map(|(file, _)| file);
         let is = |other: &Path| fs::canonicalize(other).is_ok_and(|other| other == place);
-        let mut inputs = [Some(mcap.unwrap_or(&self.source)), self.sensor.as_deref(), self.settings.as_deref()];
-        if inputs.iter_mut().flatten().any(|input| is(Path::new(input)))
+        let inputs = [Some(mcap.unwrap_or(&self.source)), self.sensor.as_deref(), self.settings.as_deref()];
+        let sensor_beside = self.sensor.is_none().then(|| recording::sensor_beside(&self.source)).flatten();
+        if inputs.into_iter().flatten().any(|input| is(Path::new(input)))
+            || sensor_beside.is_some_and(|file| is(&file))
             || source::image_files(&self.source).iter().any(|file| is(file))
         {
             return Err(Failure::Arguments(anyhow!(

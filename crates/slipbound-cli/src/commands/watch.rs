@@ -32,6 +32,7 @@ use slipbound_rig::report_summary::{ReportSummary, torn, when};
 use slipbound_rig::source::doubtful_rate;
 use slipbound_rig::{config, sensors};
 use stall_detector::StallDetector;
+use std::slice;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -112,7 +113,7 @@ impl Watch {
             (settings.rest.window_count, settings.rest.held) = (count, false);
         }
         overwriting::refuse_endings(self)?;
-        overwriting::refuse(self)?;
+        overwriting::refuse(slice::from_ref(self))?;
         rest::refuse_second_reading(self)?;
         let fingers = [self.finger.clone()];
         let recorder = self.record.as_deref().map(|path| Recorder::create(path, &fingers, true)).transpose()?;

@@ -49,6 +49,32 @@ fn outputs_never_fall_on_what_is_read_or_on_each_other() {
 }
 
 #[test]
+fn no_output_of_a_batch_falls_on_another_recording_or_on_a_sensor_file_that_is_read() {
+    let trial = Trial::new(3);
+    trial.write("run/sensor.toml", b"extends = \"gelsight_mini_wide\"\n");
+    fs::create_dir_all(trial.path("q/run")).expect("makes");
+    trial.write("q/run/000.jpg", &jpeg(0));
+    for name in ["x.avi", "o-x.avi"] {
+        write_avi(&trial.path(name), 3);
+    }
+    let files = ["run/sensor.toml", "q/run/000.jpg", "x.avi", "o-x.avi"];
+    let before = files.map(|name| fs::read(trial.path(name)).expect("reads"));
+    for (words, said) in [
+        ("watch run q/run --overlay q --json new.jsonl --sensor gelsight_mini_wide", "--overlay q/run: "),
+        ("watch x.avi o-x.avi --overlay o.avi --force --sensor gelsight_mini_wide", "--overlay o-x.avi: "),
+        ("watch run --json run/sensor.toml --force", "that of SOURCE/sensor.toml"),
+        ("tare run --frames 1 -o run/sensor.toml --force", "--output run/sensor.toml: "),
+    ] {
+        let words: Vec<&str> = words.split(' ').collect();
+        let ended = Ended::of(trial.command(&words).output().expect("runs"));
+        ended.expect(2, &[said, "expected a place of its own"]);
+    }
+    assert!(before == files.map(|name| fs::read(trial.path(name)).expect("reads")), "a file was changed");
+    assert_eq!(fs::read_dir(trial.path("q/run")).expect("a folder").count(), 1);
+    assert!(!trial.path("new-run.jsonl").exists(), "refused before the first recording is judged");
+}
+
+#[test]
 #[cfg(unix)]
 fn a_file_that_cannot_be_read_is_torn_and_the_others_are_judged() {
     let trial = Trial::new(4);

@@ -38,6 +38,7 @@ impl Watch {
             super::overwriting::refuse_endings(clip)?;
             super::rest::refuse_second_reading(clip)?;
         }
+        super::overwriting::refuse(&clips)?;
         self.make_folders(&clips)?;
         let quiet = Quiet { interrupted: interruption::listen()? };
         let mut terminal = Terminal::with_bar(None, self.json_on_stdout());

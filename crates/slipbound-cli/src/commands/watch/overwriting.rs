@@ -1,10 +1,12 @@
 //! Outputs must not destroy inputs, nor each other.
 
 use super::args::{RestArgument, Watch};
-use crate::commands::inputs::{self, is_same};
+use crate::commands::inputs::{self, FileIdentity};
+use crate::commands::recording;
 use crate::outcome::Failure;
 use anyhow::anyhow;
 use slipbound_rig::{overlay::is_numbered, source::image_files};
+use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -41,64 +43,94 @@ pub fn refuse_endings(args: &Watch) -> Result<(), Failure> {
     args.record.as_deref().map_or(Ok(()), |path| inputs::refuse_ending("--record", path))
 }
 
-/// Refuses outputs that would overwrite an input or each other.
-pub fn refuse(args: &Watch) -> Result<(), Failure> {
-    let rest = match &args.rest {
-        Some(RestArgument::File(path)) => Some(path.as_path()),
-        _ => None,
-    };
-    // For `FILE.mcap#TOPIC`, the file.
-    let source =
-        Path::new(slipbound_rig::source::mcap_file(&args.source).map_or(args.source.as_str(), |(file, _)| file));
-    let inputs = [
-        ("SOURCE", Some(source)),
-        ("--rest", rest),
-        ("--sensor", args.sensor.as_deref().map(Path::new)),
-        ("--settings", args.settings.as_deref().map(Path::new)),
-    ];
-    let outputs = [
-        ("--json", args.json.as_deref().filter(|_| !args.json_on_stdout())),
-        ("--csv", args.csv.as_deref()),
-        ("--slips", args.slips.as_deref()),
-        ("--report", args.report.as_deref()),
-        ("--timings", args.timings.as_deref()),
-        ("--overlay", args.overlay.as_deref()),
-        ("--record", args.record.as_deref()),
-    ];
-    let mut taken: Vec<(&str, PathBuf)> =
-        inputs.into_iter().filter_map(|(name, path)| Some((name, place(path.filter(|p| p.exists())?)?))).collect();
-    if let (false, Some(folder)) = (source.is_dir(), source.parent()) {
-        // Images are named by number, and those of the source may be, too.
-        if slipbound_rig::source::reads_images(&args.source) {
-            taken.extend(place(folder).map(|folder| ("SOURCE", folder)));
+/// Refuses outputs that would overwrite an input or each other, of any of the recordings.
+pub fn refuse(clips: &[Watch]) -> Result<(), Failure> {
+    let mut taken = Taken::default();
+    clips.iter().for_each(|clip| taken.add_inputs(clip));
+    clips.iter().try_for_each(|clip| taken.add_outputs(clip))
+}
+
+/// Places where nothing may be written, each with what is there.
+#[derive(Default)]
+struct Taken {
+    places: HashMap<PathBuf, String>,
+    files: HashMap<FileIdentity, String>,
+}
+
+impl Taken {
+    fn add(&mut self, place: &Path, what: &str) {
+        self.places.entry(place.to_owned()).or_insert_with(|| what.to_owned());
+        if let Some(file) = FileIdentity::of(place) {
+            self.files.entry(file).or_insert_with(|| what.to_owned());
         }
     }
-    let frames: Vec<PathBuf> =
-        image_files(&args.source).iter().filter_map(|file| fs::canonicalize(file).ok()).collect();
-    for (name, path) in outputs {
-        let (Some(path), Some(place)) = (path, path.and_then(place)) else {
-            continue;
+
+    fn at(&self, place: &Path) -> Option<&String> {
+        self.places.get(place).or_else(|| self.files.get(&FileIdentity::of(place)?))
+    }
+
+    fn add_inputs(&mut self, args: &Watch) {
+        let rest = match &args.rest {
+            Some(RestArgument::File(path)) => Some(path.as_path()),
+            _ => None,
         };
-        if let Some((other, _)) = taken.iter().find(|(_, there)| is_same(there, &place) || *there == place) {
-            let path = path.display();
-            return Err(Failure::Arguments(anyhow!("{name} {path}: expected a place of its own, got that of {other}")));
+        // For `FILE.mcap#TOPIC`, the file.
+        let source =
+            Path::new(slipbound_rig::source::mcap_file(&args.source).map_or(args.source.as_str(), |(file, _)| file));
+        let sensor_beside = args.sensor.is_none().then(|| recording::sensor_beside(&args.source)).flatten();
+        let inputs = [
+            ("SOURCE", Some(source)),
+            ("SOURCE/sensor.toml", sensor_beside.as_deref()),
+            ("--rest", rest),
+            ("--sensor", args.sensor.as_deref().map(Path::new)),
+            ("--settings", args.settings.as_deref().map(Path::new)),
+        ];
+        for (name, path) in inputs {
+            let there = path.filter(|path| path.exists()).and_then(place);
+            there.iter().for_each(|place| self.add(place, name));
         }
-        let falls_on = |frame: &&PathBuf| **frame == place || frame.parent() == Some(&place) || is_same(frame, &place);
-        if let Some(frame) = frames.iter().find(falls_on) {
-            let (path, frame) = (path.display(), frame.display());
-            return Err(Failure::Arguments(anyhow!(
-                "{name} {path}: expected a place of its own, got that of the frame {frame}"
-            )));
-        }
-        if !args.force {
-            if name == "--record" {
-                inputs::refuse_recorded(name, &place)?;
+        if let (false, Some(folder)) = (source.is_dir(), source.parent()) {
+            // Images are named by number, and those of the source may be, too.
+            if slipbound_rig::source::reads_images(&args.source) {
+                place(folder).iter().for_each(|folder| self.add(folder, "SOURCE"));
             }
-            refuse_foreign(name, &place)?;
         }
-        taken.push((name, place));
+        for frame in image_files(&args.source).iter().filter_map(|file| fs::canonicalize(file).ok()) {
+            let what = format!("the frame {}", frame.display());
+            self.add(&frame, &what);
+            frame.parent().into_iter().for_each(|folder| self.add(folder, &what));
+        }
     }
-    Ok(())
+
+    fn add_outputs(&mut self, args: &Watch) -> Result<(), Failure> {
+        let outputs = [
+            ("--json", args.json.as_deref().filter(|_| !args.json_on_stdout())),
+            ("--csv", args.csv.as_deref()),
+            ("--slips", args.slips.as_deref()),
+            ("--report", args.report.as_deref()),
+            ("--timings", args.timings.as_deref()),
+            ("--overlay", args.overlay.as_deref()),
+            ("--record", args.record.as_deref()),
+        ];
+        for (name, path) in outputs {
+            let (Some(path), Some(place)) = (path, path.and_then(place)) else {
+                continue;
+            };
+            if let Some(other) = self.at(&place) {
+                let path = path.display();
+                let expected = "expected a place of its own";
+                return Err(Failure::Arguments(anyhow!("{name} {path}: {expected}, got that of {other}")));
+            }
+            if !args.force {
+                if name == "--record" {
+                    inputs::refuse_recorded(name, &place)?;
+                }
+                refuse_foreign(name, &place)?;
+            }
+            self.add(&place, name);
+        }
+        Ok(())
+    }
 }
 
 /// Refuses an existing file that we did not write, and a folder with such an image that would be overwritten.
