@@ -3,6 +3,8 @@
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use slipbound::control::{Cycle, CycleObserver, CycleView};
+use slipbound::finger_pipeline::FingerView;
+use slipbound::image::SizePx;
 use slipbound::port::Next;
 use slipbound::task::{Ending, Phase};
 use slipbound_lab::hand::HandTruth;
@@ -231,14 +233,40 @@ impl CycleObserver for Console {
     }
 }
 
+/// Counts the frames of a finger.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct FrameTally {
+    /// Frames that arrived whole.
+    pub whole_count: u64,
+    /// Frames that did not.
+    pub torn_count: u64,
+    /// Whole frames of another size than the first, for which the monitor is made.
+    pub other_size_count: u64,
+    first_size: Option<SizePx>,
+}
+
+impl FrameTally {
+    fn see(&mut self, finger: &FingerView<'_>) {
+        match finger.next {
+            Next::Frame => {
+                self.whole_count += 1;
+                let first_size = *self.first_size.get_or_insert(finger.frame.size);
+                self.other_size_count += u64::from(finger.frame.size != first_size);
+            }
+            Next::Torn { .. } => self.torn_count += 1,
+            Next::Silent | Next::End => {}
+        }
+    }
+}
+
 /// Adds up the score of a run that is not in lock-step; `truth` is the present ground truth, where it is known.
 pub struct RunScorer {
     /// The score so far.
     pub score: RunScore,
     /// What the task was doing last; None before the first command.
     pub phase: Option<Phase>,
-    /// Whole frames of every finger.
-    pub frames_counts: Vec<u64>,
+    /// What the source of every finger gave.
+    pub tallies: Vec<FrameTally>,
     /// The first lower force that the gripper refused.
     pub refused_lowering: Option<String>,
     /// The present ground truth, set by the thread of the simulated world.
@@ -251,7 +279,7 @@ impl RunScorer {
         RunScorer {
             score: RunScore::new(limit_n),
             phase: None,
-            frames_counts: Vec::new(),
+            tallies: Vec::new(),
             refused_lowering: None,
             truth: Arc::default(),
         }
@@ -263,9 +291,9 @@ impl CycleObserver for RunScorer {
         if self.refused_lowering.is_none() {
             self.refused_lowering = view.refused_lowering.map(str::to_owned);
         }
-        self.frames_counts.resize(view.fingers.len(), 0);
-        for (count, finger) in self.frames_counts.iter_mut().zip(view.fingers) {
-            *count += u64::from(*finger.next == Next::Frame);
+        self.tallies.resize(view.fingers.len(), FrameTally::default());
+        for (tally, finger) in self.tallies.iter_mut().zip(view.fingers) {
+            tally.see(finger);
         }
         let truth = self.truth.lock().unwrap_or_else(PoisonError::into_inner);
         match (view.cycle(), truth.as_ref()) {

@@ -298,6 +298,27 @@ fn a_task_that_outlives_its_source_has_failed_and_a_hold_has_not() {
     assert!(printed(&output).contains("the source ended before the task did: lift was still "), "{}", printed(&output));
     let output = slipbound(&[&["hold"], &common[..], &["-o", &hold]].concat());
     assert!(output.status.success(), "{}", printed(&output));
+    let frames_count = fs::read_dir(&left).expect("a folder").count();
+    assert!(printed(&output).contains(&format!("left: {frames_count} frames, 0 torn\n")), "{}", printed(&output));
+
+    // What is lost on the way is told by count and by the exit code.
+    let damaged = scratch.path().join("damaged");
+    fs::create_dir(&damaged).expect("made");
+    for entry in fs::read_dir(&left).expect("a folder").flatten() {
+        fs::copy(entry.path(), damaged.join(entry.file_name())).expect("copied");
+    }
+    for i in [70, 80, 81] {
+        fs::write(damaged.join(format!("{i:06}.jpg")), b"torn").expect("written");
+    }
+    let mut small = Vec::new();
+    let encoder = jpeg_encoder::Encoder::new(&mut small, 80);
+    encoder.encode(&[128; 64 * 48], 64, 48, jpeg_encoder::ColorType::Luma).expect("encodes");
+    fs::write(damaged.join("000090.jpg"), small).expect("written");
+    let damaged = damaged.to_str().expect("UTF-8");
+    let output = slipbound(&[&["hold", damaged], &common[1..], &["-o", &folder("held")]].concat());
+    assert_eq!(output.status.code(), Some(3), "{}", printed(&output));
+    let said = format!("left: {} frames, 3 torn, 1 of another size than the first\n", frames_count - 3);
+    assert!(printed(&output).contains(&said), "no `{said}` in {}", printed(&output));
 
     // A gripper that is not there leaves no files behind: the same command again is not refused for its folder.
     let gone = folder("gone");

@@ -5,7 +5,7 @@ use super::inputs;
 use super::recording::{LiveCamera, marked, open_live};
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
-use crate::run_output::{RunOutput, RunScorer};
+use crate::run_output::{FrameTally, RunOutput, RunScorer};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
 use slipbound::control::ControlLoop;
@@ -50,6 +50,8 @@ struct Ended {
     missing: Option<Missing>,
     /// The number of frames in which the rest frame is searched.
     window_count: u32,
+    /// Whether every frame arrived whole and in the size of the first.
+    is_whole: bool,
 }
 
 /// The arguments of `slipbound run`.
@@ -240,12 +242,11 @@ impl Hardware {
         drop(gripper);
         let (queued, scorer) = observer;
         let mut output = queued.finish();
+        let names: Vec<String> = control.fingers().iter().map(|finger| finger.name().to_owned()).collect();
         drop(control); // its sources hand in no more frames
         finish_recording(recorder, &mut output);
-        for (name, live) in &cameras {
-            output.note(now_ns(), &format!("{name}: camera: {}", live.line()));
-        }
-        let ended = Ended { held_n, missing, window_count: monitor.rest.window_count };
+        let is_whole = tell_frames(&names, &scorer.tallies, &cameras, &mut output);
+        let ended = Ended { held_n, missing, window_count: monitor.rest.window_count, is_whole };
         self.end(name, ran.map_err(Into::into), &ended, output, scorer)
     }
 
@@ -266,8 +267,8 @@ impl Hardware {
         if let Err(e) = &ran {
             output.note(now_ns(), &format!("{e:#}"));
         }
-        let RunScorer { mut score, phase, refused_lowering, frames_counts, .. } = scorer;
-        let &Ended { held_n, missing, window_count } = ended;
+        let RunScorer { mut score, phase, refused_lowering, tallies, .. } = scorer;
+        let &Ended { held_n, missing, window_count, is_whole } = ended;
         if ran.is_ok() && name == "hold" && matches!(phase, Some(Phase::Working | Phase::Waiting)) {
             score.ending = Some(Ending::Held); // to the end of the source
         }
@@ -284,7 +285,7 @@ impl Hardware {
         match ending {
             None if phase.is_none() => {
                 let got = |(number, source): (usize, &String)| {
-                    format!("{} frames of {source}", frames_counts.get(number).copied().unwrap_or(0))
+                    format!("{} frames of {source}", tallies.get(number).map_or(0, |tally| tally.whole_count))
                 };
                 let got: Vec<String> = self.sources.iter().enumerate().map(got).collect();
                 let expected = format!("expected {window_count} bright frames of the open hand to begin with");
@@ -297,7 +298,7 @@ impl Hardware {
                     .into())
             }
             Some(ending) if !ending.is_success() => Err(anyhow!("{}", ending.evidence()).into()),
-            Some(_) => Ok(outcome),
+            Some(_) => Ok(if is_whole { outcome } else { Outcome::DataLost }),
         }
     }
 
@@ -415,6 +416,33 @@ impl Hardware {
         }
         notes
     }
+}
+
+/// Reports the frames of every finger; returns whether all arrived whole and in the size of the first.
+fn tell_frames(
+    names: &[String],
+    tallies: &[FrameTally],
+    cameras: &[(String, LiveCamera)],
+    output: &mut RunOutput,
+) -> bool {
+    let mut is_whole = true;
+    for (number, name) in names.iter().enumerate() {
+        let FrameTally { whole_count, torn_count, other_size_count, .. } =
+            tallies.get(number).copied().unwrap_or_default();
+        let camera = cameras.iter().find(|(of, _)| of == name).map(|(_, live)| live);
+        // A torn frame that was replaced by a newer one is lost all the same.
+        let torn_count = camera.map_or(torn_count, |live| live.tally.counts().torn_count);
+        let mut line = match camera {
+            Some(live) => format!("{name}: camera: {}", live.line()),
+            None => format!("{name}: {whole_count} frames, {torn_count} torn"),
+        };
+        if other_size_count > 0 {
+            line = format!("{line}, {other_size_count} of another size than the first");
+        }
+        output.note(now_ns(), &line);
+        is_whole &= torn_count + other_size_count == 0;
+    }
+    is_whole
 }
 
 /// Writes the description of a run into its recording, with the sensor of every finger and the settings of the
