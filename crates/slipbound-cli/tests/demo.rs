@@ -120,6 +120,7 @@ fn what_cannot_be_is_refused_before_anything_moves() {
         ("[grip]\nstart_n = 200.0\n", "grip.start_n"),
         ("[screw]\nrate_rad_per_s = -inf\n", "screw.rate_rad_per_s"),
         ("[grip]\nmost = 5\n", "most_n"),
+        ("[on_slip]\nstep_n = -10.0\n", "on_slip.step_n: expected a number above 0, got -10"),
     ] {
         fs::write(&file, text).expect("written");
         let output = demo(&run, &["--settings", file.to_str().expect("UTF-8")]);

@@ -3,6 +3,7 @@
 use super::error::Error;
 use super::layer::{Layer, typed};
 use slipbound::monitor::Settings;
+use slipbound::setting::SettingError;
 use slipbound::task::TaskSettings;
 use std::path::Path;
 
@@ -47,8 +48,22 @@ pub fn load_task_settings(file: Option<&Path>) -> Result<TaskSettings, Error> {
 
 fn task_settings(layer: Layer) -> Result<TaskSettings, Error> {
     let settings: TaskSettings = typed(layer.table.clone(), std::slice::from_ref(&layer))?;
-    settings.check().map_err(|source| Error::OutOfRange { file: layer.file, source })?;
+    let checked = settings.check().and_then(|()| step_that_holds(settings.on_slip.step_n));
+    checked.map_err(|source| Error::OutOfRange { file: layer.file, source })?;
     Ok(settings)
+}
+
+/// Refuses a step that does not raise the force at slip: every task of a file holds something. Only a program that lays
+/// something down lowers it, by [`OnSlipSettings::with_step_n`](slipbound::grip::OnSlipSettings::with_step_n).
+fn step_that_holds(step_n: f64) -> Result<(), SettingError> {
+    match step_n > 0.0 {
+        true => Ok(()),
+        false => Err(SettingError {
+            key: "on_slip.step_n".into(),
+            got: step_n.to_string(),
+            expected: "a number above 0".into(),
+        }),
+    }
 }
 
 #[cfg(test)]
@@ -100,6 +115,16 @@ mod tests {
                 assert!(message.contains(part), "`{message}` lacks `{part}`");
             }
         }
+    }
+
+    #[test]
+    fn a_step_that_does_not_hold_at_slip_is_refused_in_a_file() {
+        for step in ["-10", "0"] {
+            let text = format!("[on_slip]\nstep_n = {step}\n");
+            let message = parse_task_settings(&text, "mine.toml").expect_err("refused").to_string();
+            assert_eq!(message, format!("mine.toml: on_slip.step_n: expected a number above 0, got {step}"));
+        }
+        assert!(parse_task_settings("[on_slip]\nstep_n = 0.5\n", "mine.toml").is_ok());
     }
 
     #[test]
