@@ -56,7 +56,7 @@ pub use encoded::Encoded;
 pub use error::Error;
 pub use ffmpeg::Ffmpeg;
 pub use ffmpeg_live::FfmpegLive;
-pub use folder::Folder;
+pub use folder::{Folder, has_image_name};
 pub use mjpeg_http::MjpegHttp;
 pub use newest::{Arrivals, Awaited, Newest};
 pub use picture::decode as decode_image;

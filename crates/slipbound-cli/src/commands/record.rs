@@ -1,7 +1,7 @@
 //! `slipbound record`: writes frames of cameras into an MCAP file, as they come.
 
 use super::inputs;
-use super::recording::refused;
+use super::recording::{refuse_images_of_one_folder, refused};
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
@@ -55,6 +55,7 @@ struct Counted {
 impl Record {
     /// Records until the sources end, the time is over, writing fails, or Ctrl-C.
     pub fn run(&self) -> Result<Outcome, Failure> {
+        refuse_images_of_one_folder(&self.sources)?;
         let names = self.names()?;
         if let Some(for_s) = self.for_s.filter(|s| !(*s > 0.0 && *s <= MOST_S)) {
             return Err(Failure::Arguments(anyhow!(

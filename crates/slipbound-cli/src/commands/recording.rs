@@ -1,6 +1,7 @@
 //! SOURCE of `watch` and `calibrate`: a recording, a camera, or `sim:SCENE?key=value&key=value` for a simulated one.
 
 use crate::outcome::Failure;
+use anyhow::anyhow;
 use slipbound::port::FrameSource;
 use slipbound::sensor::Sensor;
 use slipbound_lab::faults::Faulty;
@@ -10,6 +11,8 @@ use slipbound_rig::container::{Inlet, MarkedSource, Recorder, TappedSource};
 use slipbound_rig::link::now_ns;
 use slipbound_rig::sensors::{self, RecordingError};
 use slipbound_rig::source::{self, Arrivals, Awaited, Camera, CameraTally, Encoded, Newest, ReadAhead};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A camera whose frames are read on a thread of their own, which keeps the newest.
@@ -97,6 +100,24 @@ pub fn refused(e: source::Error) -> Failure {
         | source::Error::OtherImages { .. }
         | source::Error::Address { .. } => Failure::arguments(e),
         other => Failure::Work(other.into()),
+    }
+}
+
+/// Refuses several images of one folder: each would be a recording of one frame. A shell makes them of a pattern that is
+/// not quoted.
+pub fn refuse_images_of_one_folder(sources: &[String]) -> Result<(), Failure> {
+    let mut counts: BTreeMap<PathBuf, usize> = BTreeMap::new();
+    for image in sources.iter().map(Path::new).filter(|path| path.is_file() && source::has_image_name(path)) {
+        let folder = image.canonicalize().ok().and_then(|image| image.parent().map(Path::to_owned));
+        folder.into_iter().for_each(|folder| *counts.entry(folder).or_default() += 1);
+    }
+    match counts.into_iter().find(|(_, count)| *count > 1) {
+        None => Ok(()),
+        Some((folder, count)) => Err(Failure::Arguments(anyhow!(
+            "expected recordings, got {count} images of {}, each as a recording of its own: for one recording name the \
+             folder, or quote the pattern",
+            folder.display()
+        ))),
     }
 }
 

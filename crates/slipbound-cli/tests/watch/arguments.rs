@@ -5,6 +5,23 @@ use slipbound::image::SizePx;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use slipbound_rig::container::{Recorder, TappedSource};
 use slipbound_rig::source;
+use std::fs;
+
+/// As a shell hands over the pattern `run/*.jpg`.
+#[test]
+fn images_of_one_folder_are_not_taken_for_recordings() {
+    let trial = Trial::new(3);
+    let images = ["run/000.jpg", "run/001.jpg", "run/002.jpg"];
+    for words in [&[&["watch"], &images[..], &SENSOR].concat(), &[&["record"], &images[..], &["-o", "x.mcap"]].concat()]
+    {
+        let ended = Ended::of(trial.command(words).output().expect("runs"));
+        ended.expect(2, &["got 3 images of ", "name the folder, or quote the pattern"]);
+    }
+    assert!(!trial.path("x.mcap").exists());
+    fs::create_dir(trial.path("other")).expect("made");
+    trial.write("other/000.jpg", &jpeg(0));
+    trial.watch("run/000.jpg", &["other/000.jpg"]).expect(0, &[]);
+}
 
 #[test]
 fn every_help_explains_the_exit_codes() {

@@ -110,7 +110,7 @@ fn is_frame(path: &Path) -> bool {
 }
 
 /// Whether a file has the name of a supported image.
-pub(super) fn has_image_name(path: &Path) -> bool {
+pub fn has_image_name(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     matches!(extension.as_str(), "jpg" | "jpeg" | "png")
 }

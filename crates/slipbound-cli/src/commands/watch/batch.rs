@@ -2,6 +2,7 @@
 
 use super::args::Watch;
 use super::{Ended, Quiet};
+use crate::commands::recording;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
@@ -30,6 +31,7 @@ impl Watch {
                 "{camera}: expected recordings, or one camera alone, got several sources"
             )));
         }
+        recording::refuse_images_of_one_folder(&self.sources)?;
         let names = names(&self.sources);
         let clips: Vec<Watch> =
             self.sources.iter().zip(&names).map(|(source, name)| self.of_clip(source, name)).collect();
