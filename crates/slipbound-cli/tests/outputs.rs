@@ -174,6 +174,19 @@ fn the_page_of_a_recording_tells_what_the_terminal_and_the_slips_tell() {
 }
 
 #[test]
+fn a_torn_frame_is_no_measurement_of_zero() {
+    let folder = clip();
+    fs::write(folder.path().join("clip/frame_000007.jpg"), "").expect("written");
+    let done = slipbound(folder.path(), &["watch", "clip", "--report", "page.html", "--csv", "t.csv"]);
+    assert_eq!(done.status.code(), Some(3), "{}", printed(&done));
+    let read = |name: &str| fs::read_to_string(folder.path().join(name)).expect("written");
+    assert!(read("t.csv").contains("\nfinger,7,7,,unjudged,torn frame,,,,"), "{}", read("t.csv"));
+    let page = read("page.html");
+    assert!(page.contains("<title>frame 8\nContact area: "), "the next frame has an area");
+    assert_eq!(page.matches("<title>frame 7\n").count(), 0, "a plot has a value of the torn frame");
+}
+
+#[test]
 fn a_picture_that_stands_upright_is_asked_about() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut jpeg = Vec::new();

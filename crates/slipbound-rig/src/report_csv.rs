@@ -4,7 +4,8 @@
 //!   finger,frame,seq,time_ns,state,reason,contact_area_px2,...,motion_translation_px_x,...,margin_value,margin_sd,...
 //! ```
 //!
-//! Every row has every column; an unknown value is empty. The numbers are those of the JSON lines.
+//! Every row has every column; an unknown value is empty. The numbers are those of the JSON lines, which have zeros where
+//! nothing of a frame was measured.
 
 use crate::report_json::frame_line;
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
@@ -63,6 +64,16 @@ fn full_report() -> SlipReport {
             slide_mm_per_s: none,
         }),
     }
+}
+
+/// Columns of what is measured in every judged frame.
+const MEASURED: [&str; 3] = ["contact_", "markers_", "slip_"];
+
+/// Whether a frame was not measured at all.
+fn is_unmeasured(report: &SlipReport) -> bool {
+    use Reason::{Dark, FrameSize, Gap, Torn};
+    let is_reason = matches!(report.reason, Some(Dark { .. } | FrameSize { .. } | Gap { .. } | Torn));
+    report.state == SlipState::Unjudged && is_reason
 }
 
 /// The line of a report in which nothing is null.
@@ -172,7 +183,11 @@ impl<W: Write> ReportCsv<W> {
     pub fn frame(&mut self, report: &SlipReport) -> io::Result<()> {
         let line = serde_json::from_slice(&frame_line(&self.finger, self.frames_count, report, None)?)?;
         let mut row = csv::StringRecord::new();
-        each_leaf(&self.full, Some(&line), "", &mut |_, value| row.push_field(value));
+        let is_unmeasured = is_unmeasured(report);
+        each_leaf(&self.full, Some(&line), "", &mut |name, value| {
+            let is_empty = is_unmeasured && MEASURED.iter().any(|start| name.starts_with(start));
+            row.push_field(if is_empty { "" } else { value });
+        });
         self.frames_count += 1;
         self.to.write_record(&row)?;
         self.to.flush()
@@ -198,6 +213,7 @@ mod tests {
         };
         table.frame(&known).expect("memory");
         table.frame(&unknown).expect("memory");
+        table.frame(&SlipReport { reason: Some(Reason::Torn), ..unknown }).expect("memory");
         drop(table);
         let mut rows = csv::Reader::from_reader(bytes.as_slice());
         let names = rows.headers().expect("a header").clone();
@@ -209,6 +225,9 @@ mod tests {
         assert_eq!(&records[0][column("motion_translation_px_y")], "0");
         assert_eq!((&records[1][column("frame")], &records[1][column("time_ns")]), ("1", ""));
         assert_eq!((&records[1][column("state")], &records[1][column("motion_icr_px_x")]), ("unjudged", ""));
-        assert_eq!(&records[1][column("margin_value")], "0");
+        assert_eq!((&records[1][column("margin_value")], &records[1][column("markers_lost")]), ("0", "0"));
+        let values = |name: &str| records[2][column(name)].to_owned();
+        assert_eq!(["state", "reason", "seq"].map(values), ["unjudged", "torn frame", "0"]);
+        assert_eq!(["contact_area_mm2", "markers_lost", "slip_max_pitch"].map(values), ["", "", ""], "not measured");
     }
 }

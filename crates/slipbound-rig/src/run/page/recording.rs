@@ -156,7 +156,9 @@ impl RecordingPage {
                 unit("mm2", "square pitches"),
                 150.0,
                 1,
-                vec![line("", "--c3", Area, &|r| Some(scale * scale * r.contact.area_px2))],
+                vec![line("", "--c3", Area, &|r| {
+                    (r.state != SlipState::Unjudged).then_some(scale * scale * r.contact.area_px2)
+                })],
             ),
             panel(
                 "Motion of the contact",
