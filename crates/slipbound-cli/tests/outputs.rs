@@ -160,6 +160,7 @@ fn the_page_of_a_recording_tells_what_the_terminal_and_the_slips_tell() {
         assert!(page.contains(&format!("</span> {begins}</h3>")), "{begins}");
         assert!(begins.contains(&format!("frame {} ", slip["first_seq"])), "{begins}: {slip}");
     }
+    assert!(said.contains("is still going on at the end") && slips.ends_with("\"ongoing\":true}\n"), "{said}{slips}");
     let count = read("t.csv").lines().filter(|row| row.contains(",incipient,") || row.contains(",gross,")).count();
     let frames: u64 = slips
         .lines()

@@ -27,6 +27,9 @@ struct Line<'a> {
     max_mm: Option<f64>,
     /// Whether the whole contact slid in one of its frames.
     gross: bool,
+    /// Whether the recording ended before the slip did; only then in the line.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    ongoing: bool,
 }
 
 /// Folds the reports of a finger into slips and writes them.
@@ -58,7 +61,7 @@ impl<W: Write> ReportSlips<W> {
         let sign = Sign::of_finger(report);
         let change = self.episodes.see(&sign);
         if let Some(ended) = change.ended {
-            self.write(&ended)?;
+            self.write(&ended, false)?;
         }
         let slip = &report.slip;
         if change.began.is_some() {
@@ -76,12 +79,12 @@ impl<W: Write> ReportSlips<W> {
     /// Writes the slip still in progress at the end of the recording.
     pub fn finish(mut self) -> io::Result<()> {
         match self.episodes.end() {
-            Some(ended) => self.write(&ended),
+            Some(ended) => self.write(&ended, true),
             None => Ok(()),
         }
     }
 
-    fn write(&mut self, ended: &Episode) -> io::Result<()> {
+    fn write(&mut self, ended: &Episode, ongoing: bool) -> io::Result<()> {
         let Some(Extremes { kind, direction_rad, max_pitch, max_mm, gross }) = self.running.take() else {
             return Ok(());
         };
@@ -98,6 +101,7 @@ impl<W: Write> ReportSlips<W> {
             max_pitch,
             max_mm,
             gross,
+            ongoing,
         };
         let mut text = serde_json::to_string(&line)?;
         text.push('\n');

@@ -71,9 +71,10 @@ impl ReportSummary {
                     direction_rad.map_or_else(String::new, |d| format!(", towards {:.0} deg", d.to_degrees()));
                 format!("frame {seq}{}: slip {slip} begins{how}{towards}", at(time_ns))
             }
-            SlipEvent::Ends { slip, seq, time_ns, frames_count } => {
+            SlipEvent::Ends { slip, seq, time_ns, frames_count, ongoing } => {
                 let frames = counted(u64::from(frames_count), "frame");
-                format!("frame {seq}{}: slip {slip} ends; {frames} showed it", at(time_ns))
+                let how = if ongoing { "is still going on at the end" } else { "ends" };
+                format!("frame {seq}{}: slip {slip} {how}; {frames} showed it", at(time_ns))
             }
         }
     }
@@ -166,8 +167,10 @@ mod tests {
             SlipEvent::Begins { slip: 1, seq: 7, time_ns: Some(280_000_000), kind, direction_rad: Some(1.571) };
         let line = "frame 7 (0.28 s): slip 1 begins, translation and rotation, towards 90 deg";
         assert_eq!(summary.event(&begins), line);
-        let ends = SlipEvent::Ends { slip: 1, seq: 9, time_ns: None, frames_count: 1 };
-        assert_eq!(summary.event(&ends), "frame 9: slip 1 ends; 1 frame showed it");
+        let ends = |ongoing| SlipEvent::Ends { slip: 1, seq: 9, time_ns: None, frames_count: 1, ongoing };
+        assert_eq!(summary.event(&ends(false)), "frame 9: slip 1 ends; 1 frame showed it");
+        let line = "frame 9: slip 1 is still going on at the end; 1 frame showed it";
+        assert_eq!(summary.event(&ends(true)), line);
         assert_eq!(summary.lines(), ["0 frames, 1 slip"]);
         let frame = FrameBuffer { seq: 3, label: "a.png".into(), ..FrameBuffer::default() };
         assert_eq!(torn(&frame, "cut"), "frame 3 (a.png) is torn: cut");

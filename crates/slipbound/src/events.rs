@@ -140,7 +140,7 @@ pub enum SlipEvent {
         /// Direction in which the object slides, radians; None when it turns.
         direction_rad: Option<f64>,
     },
-    /// The slip stopped, or contact was lost.
+    /// The slip stopped, or contact was lost, or the recording ended.
     Ends {
         /// The slip's number.
         slip: u32,
@@ -150,6 +150,8 @@ pub enum SlipEvent {
         time_ns: Option<u64>,
         /// Frames that showed slip.
         frames_count: u32,
+        /// Whether the recording ended before the slip did.
+        ongoing: bool,
     },
 }
 
@@ -175,16 +177,16 @@ impl SlipEvents {
             kind: report.slip.kind,
             direction_rad: report.slip.direction_rad,
         });
-        change.ended.map(ends).into_iter().chain(begins)
+        change.ended.map(|slip| ends(slip, false)).into_iter().chain(begins)
     }
 
     /// Ends the slip still in progress when the recording is over.
     pub fn end(&mut self) -> Option<SlipEvent> {
-        self.episodes.end().map(ends)
+        self.episodes.end().map(|slip| ends(slip, true))
     }
 }
 
-fn ends(slip: Episode) -> SlipEvent {
+fn ends(slip: Episode, ongoing: bool) -> SlipEvent {
     let (seq, time_ns) = slip.last;
-    SlipEvent::Ends { slip: slip.number, seq, time_ns, frames_count: slip.frames_count }
+    SlipEvent::Ends { slip: slip.number, seq, time_ns, frames_count: slip.frames_count, ongoing }
 }

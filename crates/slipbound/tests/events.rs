@@ -93,8 +93,11 @@ fn the_lines_of_a_recording_name_the_first_and_the_last_frame_of_each_slip() {
         kind: Some(SlipKind::Translation),
         direction_rad: Some(0.1 * i as f64),
     };
-    let ends = |slip, i, frames_count| SlipEvent::Ends { slip, seq: at(i).0, time_ns: at(i).1, frames_count };
-    assert_eq!(told, [begins(1, 2), ends(1, 5, 3), begins(2, 11), ends(2, 11, 1)]);
+    let ends = |slip, i, frames_count, ongoing| {
+        let (seq, time_ns) = at(i);
+        SlipEvent::Ends { slip, seq, time_ns, frames_count, ongoing }
+    };
+    assert_eq!(told, [begins(1, 2), ends(1, 5, 3, false), begins(2, 11), ends(2, 11, 1, true)]);
 }
 
 /// A camera that was plugged in again counts from 0; two seconds later it slips again.
