@@ -111,8 +111,10 @@ impl RunOutput {
         let RunOutput { recorder, console: Console { mut terminal, .. }, lost_count, mut lost, .. } = self;
         terminal.clear_bar();
         // The page is written even if nobody reads the terminal any more.
-        let mut said: Result<(), Failure> =
-            rows.iter().try_for_each(|row| terminal.say(&format!("  {:<28}{:<22}{}", row.name, row.value, row.target)));
+        let mut said: Result<(), Failure> = rows.iter().try_for_each(|row| {
+            let line = format!("  {:<28}{:<22}{}", row.name, row.value, row.target);
+            terminal.say(&if row.ok == Some(false) { format!("{}: missed", line.trim_end()) } else { line })
+        });
         if lost_count > 0 {
             lost.push(format!("{lost_count} cycles were not written: the disk did not keep up"));
         }

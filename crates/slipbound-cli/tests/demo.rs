@@ -127,9 +127,20 @@ fn what_cannot_be_is_refused_before_anything_moves() {
         assert_eq!(output.status.code(), Some(2), "{text}: {}", printed(&output));
         assert!(printed(&output).contains(named), "{text}: {}", printed(&output));
     }
-    for args in [&["--set", "mu=-1"][..], &["--fault", "fire@2"], &["--set", "force=3"], &["--controller", "hope"]] {
+    for args in [
+        &["--set", "mu=-1"][..],
+        &["--fault", "fire@2"],
+        &["--set", "force=3"],
+        &["--controller", "hope"],
+        &["--fault", "lost@2:right"],
+        &["--seed", "3", "--set", "seed=5"],
+        &["--set", "fingers=2"],
+    ] {
         assert_eq!(demo(&run, args).status.code(), Some(2), "{args:?}");
     }
+    let output = slipbound(&["trials", "--mu", "0.3", "--set", "mu=0.5"]);
+    assert_eq!(output.status.code(), Some(2), "{}", printed(&output));
+    assert!(printed(&output).contains("--set mu=0.5: expected --mu for mu"), "{}", printed(&output));
     fs::create_dir(&run).expect("made");
     fs::write(run.join("mine.txt"), "mine").expect("written");
     let output = demo(&run, &[]);

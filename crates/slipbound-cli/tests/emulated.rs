@@ -242,6 +242,9 @@ fn work_that_never_began_and_hands_that_end_empty_are_failures() {
         let output = demo(&scratch.path().join(name), &[&["--task", "lift"], args].concat());
         assert_eq!(output.status.code(), Some(1), "{name}: {}", printed(&output));
         assert!(printed(&output).contains(said), "{name}: {}", printed(&output));
+        let told = printed(&output);
+        let ended = told.lines().find(|line| line.trim().starts_with("ended "));
+        assert!(ended.is_some_and(|row| row.ends_with(": missed")), "{name}: {told}");
         assert!(scratch.path().join(name).join("report.html").exists(), "{name}");
     }
     // A recording in which the hand stays open: `dry` holds at once, the fingers feel nothing.

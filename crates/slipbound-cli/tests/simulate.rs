@@ -109,6 +109,7 @@ fn what_cannot_be_is_a_bad_argument() {
             "force_n: expected a number from 0.1 to 120, got -2",
         ),
         (&["simulate", "ramp", "--set", "mu=0", "-o", "x"], "mu: expected a number from 0.05 to 2, or `object`, got 0"),
+        (&["simulate", "ramp", "--seed", "3", "--set", "seed=5", "-o", "x"], "--set seed=5: expected --seed"),
         (&["simulate", "rampe", "-o", "x"], "scene: expected one of press, "),
         (&["simulate", "missing.toml", "-o", "x"], "missing.toml: expected a scene file"),
         (&["simulate", "press?object=crayons_box&turn_deg=90", "-o", "x"], "the pad less a cell all round"),

@@ -4,6 +4,7 @@ mod results;
 
 use super::inputs;
 use super::run::{describe, finish_recording, never_began};
+use crate::args::refuse_set_of;
 use crate::emulated::{EmulatedActuators, EmulatedGripper, LinkFaults};
 use crate::interruption;
 use crate::loopback::Loopback;
@@ -97,7 +98,14 @@ impl Demo {
         if let Some(name) = &self.controller {
             settings.controller = name.parse().map_err(Failure::arguments)?;
         }
+        refuse_set_of(&self.set, &[("seed", "--seed"), ("fingers", "--fingers")])?;
         let scene = HandScene::parse(&self.scene_text()).map_err(Failure::arguments)?;
+        let hits = |fault: &CameraFault| (0..usize::from(self.fingers)).any(|finger| fault.applies_to(finger));
+        if let Some(fault) = self.fault.filter(|fault| !hits(fault)) {
+            return Err(Failure::Arguments(anyhow!(
+                "--fault {fault}: expected a finger of the hand, which has one, left"
+            )));
+        }
         let task = scene.task();
         let mut clamped = None;
         if let Some(emulated) = &self.emulated {

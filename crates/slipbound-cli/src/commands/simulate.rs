@@ -1,5 +1,6 @@
 //! `slipbound simulate`: writes a scene as a recording with its ground truth.
 
+use crate::args::refuse_set_of;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
@@ -32,6 +33,9 @@ impl Simulate {
             true => read_scene(Path::new(&self.scene)).map_err(Failure::arguments)?,
             false => Trial::parse(&self.scene).map_err(Failure::arguments)?,
         };
+        if self.seed.is_some() {
+            refuse_set_of(&self.set, &[("seed", "--seed")])?;
+        }
         for setting in &self.set {
             trial = trial.with_setting(setting).map_err(Failure::arguments)?;
         }

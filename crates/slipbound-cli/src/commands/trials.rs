@@ -1,5 +1,6 @@
 //! `slipbound trials`: the tasks over friction, seeds, controllers and fingers, as a table.
 
+use crate::args::refuse_set_of;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
@@ -52,6 +53,8 @@ impl Trials {
             let (most, got) = (u64::MAX - self.seeds, self.first_seed);
             return Err(Failure::Arguments(anyhow::anyhow!("--first-seed: expected at most {most}, got {got}")));
         };
+        let own = [("seed", "--first-seed"), ("mu", "--mu"), ("object", "--object"), ("fingers", "--fingers")];
+        refuse_set_of(&self.set, &own)?;
         let grid = TrialGrid {
             tasks: self.task.clone(),
             objects: self.object.clone(),

@@ -6,6 +6,7 @@
 //!           '------------- presses and moves --------------------'----------------------'
 //! ```
 
+use crate::args::refuse_set_of;
 use crate::emulated::{EmulatedGripper, wrist_emulator};
 use crate::interruption;
 use crate::loopback::{WorldFrame, world};
@@ -58,6 +59,7 @@ pub struct Hand {
 impl Hand {
     /// Serves until Ctrl-C, or the end of the scene.
     pub fn run(&self) -> Result<Outcome, Failure> {
+        refuse_set_of(&self.set, &[("seed", "--seed")])?;
         let mut text = format!("{}?seed={}", self.task, self.seed);
         if !self.set.iter().any(|setting| setting.starts_with("longest_s=")) {
             text.push_str("&longest_s=3600");
