@@ -23,12 +23,19 @@ impl Convert {
     /// Writes the other form.
     pub fn run(&self) -> Result<Outcome, Failure> {
         let (from, to) = (&self.from, &self.output);
+        inputs::refuse_stdout("--output", to, "the name of a file or folder")?;
         let is_mcap = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "mcap");
         let converted = match (from.is_dir(), is_mcap(to)) {
             (true, true) => {
                 inputs::refuse_within("--output", to, from)?;
                 inputs::refuse_recording("--output", to, &[], &[])?;
                 container::to_mcap(from, to)
+            }
+            (false, false) if from.is_file() && !inputs::is_recording(from) => {
+                return Err(Failure::Arguments(anyhow!(
+                    "{}: expected FILE.mcap, got a file of another kind",
+                    from.display()
+                )));
             }
             (false, false) => container::to_folder(from, to),
             (true, false) => {

@@ -60,9 +60,24 @@ pub fn refuse_foreign(option: &str, file: &Path) -> Result<(), Failure> {
     }
 }
 
+/// Refuses `-` where standard output is never meant; `expected`: what is.
+pub fn refuse_stdout(option: &str, path: &Path, expected: &str) -> Result<(), Failure> {
+    match path.as_os_str() == "-" {
+        true => {
+            Err(Failure::Arguments(anyhow!("{option} -: expected {expected}; only --json writes to standard output")))
+        }
+        false => Ok(()),
+    }
+}
+
+/// Whether a file begins as an MCAP file does, whichever program wrote it.
+pub fn is_recording(path: &Path) -> bool {
+    start(path).is_some_and(|start| start == MCAP)
+}
+
 /// Refuses an existing recording, whichever program wrote it: its frames may exist nowhere else.
 pub fn refuse_recorded(option: &str, path: &Path) -> Result<(), Failure> {
-    match start(path).is_some_and(|start| start == MCAP) {
+    match is_recording(path) {
         false => Ok(()),
         true => {
             let path = path.display();

@@ -1,5 +1,6 @@
 //! `slipbound completions` and `slipbound man`: shell completions and manual pages, generated from the arguments.
 
+use super::inputs;
 use crate::outcome::{Failure, Outcome};
 use anyhow::anyhow;
 use clap::Command;
@@ -37,6 +38,7 @@ impl Man {
     /// Writes a page for `program` and each of its commands.
     pub fn run(&self, program: Command) -> Result<Outcome, Failure> {
         let shown = self.output.display();
+        inputs::refuse_stdout("--output", &self.output, "the name of a folder")?;
         if self.output.is_file() {
             return Err(Failure::Arguments(anyhow!("{shown}: expected a folder, got a file")));
         }

@@ -2,7 +2,7 @@
 
 use super::marker_noise::MarkerNoise;
 use super::rest_window::{Window, advice_where_touched};
-use super::{finger, recording};
+use super::{finger, inputs, recording};
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
@@ -108,9 +108,7 @@ impl Tare {
     /// The file may overwrite neither what is read nor a file of another program.
     fn refuse_overwriting(&self) -> Result<(), Failure> {
         let shown = self.output.display();
-        if self.output.as_os_str() == "-" {
-            return Err(Failure::Arguments(anyhow!("--output -: expected the name of a file")));
-        }
+        inputs::refuse_stdout("--output", &self.output, "the name of a file")?;
         let Ok(place) = fs::canonicalize(&self.output) else { return Ok(()) };
         let mcap = source::mcap_file(&self.source).map(|(file, _)| file);
         let is = |other: &Path| fs::canonicalize(other).is_ok_and(|other| other == place);

@@ -105,6 +105,16 @@ fn a_sweep_over_clips_of_which_none_can_be_judged_fails_with_the_reason_of_the_f
 }
 
 #[test]
+#[cfg(target_os = "linux")]
+fn a_clip_whose_name_is_no_text_is_told() {
+    use std::os::unix::ffi::OsStrExt as _;
+    let trial = Trial::new(0);
+    fs::create_dir_all(trial.path("clips").join(std::ffi::OsStr::from_bytes(b"a\xFF"))).expect("a folder");
+    let ended = Ended::of(trial.command(&["eval", "lifts", "--data", "clips", "-o", "out"]).output().expect("runs"));
+    ended.expect(2, &["\"clips/a\\xFF\": expected the name of a clip in UTF-8"]);
+}
+
+#[test]
 fn a_truncated_avi_is_judged_as_far_as_it_goes() {
     let trial = Trial::new(0);
     write_avi(&trial.path("run.avi"), 6);

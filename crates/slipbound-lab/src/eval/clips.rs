@@ -40,6 +40,12 @@ pub enum ClipsError {
         /// The folder.
         path: PathBuf,
     },
+    /// The name of a clip is not text.
+    #[error("{path:?}: expected the name of a clip in UTF-8")]
+    Name {
+        /// The folder of the clip.
+        path: PathBuf,
+    },
     /// labels.csv cannot be read.
     #[error("{path}")]
     Read {
@@ -90,7 +96,8 @@ impl Clips {
         for entry in entries {
             let entry = entry.map_err(|source| ClipsError::Read { path: path(), source })?;
             if entry.path().is_dir() {
-                names.push(entry.file_name().to_string_lossy().into_owned());
+                let name = entry.file_name().into_string();
+                names.push(name.map_err(|_| ClipsError::Name { path: entry.path() })?);
             }
         }
         if names.is_empty() {

@@ -25,12 +25,11 @@ pub fn refuse_endings(args: &Watch) -> Result<(), Failure> {
         ),
         ("--slips", &args.slips, &["csv", "html", "xlsx", "parquet", "pkl"], "a file of JSON lines"),
         ("--report", &args.report, &["pdf", "md", "json", "jsonl", "csv", "png"], "a page, FILE.html"),
+        ("--timings", &args.timings, &[], "a file of JSON lines"),
     ] {
         let Some(path) = path else { continue };
-        if path.as_os_str() == "-" && name != "--json" {
-            return Err(Failure::Arguments(anyhow!(
-                "{name} -: expected the name of a file; only --json writes to standard output"
-            )));
+        if name != "--json" {
+            inputs::refuse_stdout(name, path, "the name of a file")?;
         }
         let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         if refused.contains(&ending.as_str()) {
