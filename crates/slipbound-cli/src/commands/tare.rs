@@ -113,7 +113,7 @@ impl Tare {
         let mcap = source::mcap_file(&self.source).map(|(file, _)| file);
         let is = |other: &Path| fs::canonicalize(other).is_ok_and(|other| other == place);
         let inputs = [Some(mcap.unwrap_or(&self.source)), self.sensor.as_deref(), self.settings.as_deref()];
-        let sensor_beside = self.sensor.is_none().then(|| recording::sensor_beside(&self.source)).flatten();
+        let sensor_beside = self.sensor.is_none().then(|| sensors::beside(&self.source)).flatten();
         if inputs.into_iter().flatten().any(|input| is(Path::new(input)))
             || sensor_beside.is_some_and(|file| is(&file))
             || source::image_files(&self.source).iter().any(|file| is(file))

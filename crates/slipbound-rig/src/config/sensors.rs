@@ -82,11 +82,16 @@ pub fn of_frames(size: SizePx) -> Result<Vec<Sensor>, Error> {
     Ok(all?.into_iter().filter(|sensor| sensor.image_px == size).collect())
 }
 
-/// The finger that a recording brings along, and its place: `sensor.toml` beside its images, as `slipbound simulate`
-/// writes it, or the one in an MCAP recording of ours. None where there is neither.
+/// The sensor file beside the images of a recording, as `slipbound simulate` writes it.
+pub fn beside(uri: &str) -> Option<PathBuf> {
+    let first = source::image_files(uri).into_iter().next()?;
+    Some(first.with_file_name("sensor.toml")).filter(|file| file.is_file())
+}
+
+/// The finger that a recording brings along, and its place: the one [`beside`] its images, or the one in an MCAP
+/// recording of ours. None where there is neither.
 pub fn of_recording(uri: &str) -> Result<Option<(Sensor, String)>, RecordingError> {
-    let beside = source::image_files(uri).first().map(|first| first.with_file_name("sensor.toml"));
-    if let Some(file) = beside.filter(|file| file.is_file()) {
+    if let Some(file) = beside(uri) {
         let place = file.display().to_string();
         return Ok(Some((load(&place)?, place)));
     }

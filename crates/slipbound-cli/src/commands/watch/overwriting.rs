@@ -2,10 +2,9 @@
 
 use super::args::{RestArgument, Watch};
 use crate::commands::inputs::{self, FileIdentity};
-use crate::commands::recording;
 use crate::outcome::Failure;
 use anyhow::anyhow;
-use slipbound_rig::{overlay::is_numbered, source::image_files};
+use slipbound_rig::{overlay::is_numbered, sensors, source::image_files};
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -76,7 +75,7 @@ impl Taken {
         // For `FILE.mcap#TOPIC`, the file.
         let source =
             Path::new(slipbound_rig::source::mcap_file(&args.source).map_or(args.source.as_str(), |(file, _)| file));
-        let sensor_beside = args.sensor.is_none().then(|| recording::sensor_beside(&args.source)).flatten();
+        let sensor_beside = args.sensor.is_none().then(|| sensors::beside(&args.source)).flatten();
         let inputs = [
             ("SOURCE", Some(source)),
             ("SOURCE/sensor.toml", sensor_beside.as_deref()),
