@@ -18,8 +18,6 @@ use crate::commands::simulate::Simulate;
 use crate::commands::tare::Tare;
 use crate::commands::trials::Trials;
 use crate::commands::watch::Watch;
-use crate::outcome::Failure;
-use anyhow::anyhow;
 use clap::{Parser, Subcommand};
 
 /// Detects from the images of a camera inside a soft fingertip that a grasp begins to slip.
@@ -29,18 +27,6 @@ pub struct Args {
     /// The command.
     #[command(subcommand)]
     pub command: Command,
-}
-
-/// Refuses `--set` of a parameter that has an option of its own. `own`: such parameters, with their options.
-pub fn refuse_set_of(set: &[String], own: &[(&str, &str)]) -> Result<(), Failure> {
-    let key = |setting: &str| setting.split_once('=').map_or(String::new(), |(key, _)| key.trim().to_owned());
-    let both = set.iter().find_map(|setting| Some((setting, own.iter().find(|(own, _)| *own == key(setting))?)));
-    match both {
-        None => Ok(()),
-        Some((setting, (key, option))) => {
-            Err(Failure::Arguments(anyhow!("--set {setting}: expected {option} for {key}, which it would contradict")))
-        }
-    }
 }
 
 /// The commands.

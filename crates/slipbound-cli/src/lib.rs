@@ -8,6 +8,7 @@ mod interruption;
 mod loopback;
 mod outcome;
 mod run_output;
+mod set_option;
 mod terminal;
 
 use clap::{Command, CommandFactory, FromArgMatches};

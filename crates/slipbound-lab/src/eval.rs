@@ -26,6 +26,7 @@ pub mod record;
 mod runner;
 pub mod slides;
 pub mod statistics;
+mod sweep;
 pub mod table;
 pub mod table1;
 pub mod unseen;

@@ -4,12 +4,12 @@ mod results;
 
 use super::inputs;
 use super::run::{describe, finish_recording, never_began};
-use crate::args::refuse_set_of;
 use crate::emulated::{EmulatedActuators, EmulatedGripper, LinkFaults};
 use crate::interruption;
 use crate::loopback::Loopback;
 use crate::outcome::{Failure, Outcome};
 use crate::run_output::{RunOutput, RunScorer};
+use crate::set_option;
 use anyhow::anyhow;
 use slipbound::control::{CycleObserver, CycleView};
 use slipbound::monitor::Settings;
@@ -98,7 +98,7 @@ impl Demo {
         if let Some(name) = &self.controller {
             settings.controller = name.parse().map_err(Failure::arguments)?;
         }
-        refuse_set_of(&self.set, &[("seed", "--seed"), ("fingers", "--fingers")])?;
+        set_option::refuse_own(&self.set, &[("seed", "--seed"), ("fingers", "--fingers")])?;
         let scene = HandScene::parse(&self.scene_text()).map_err(Failure::arguments)?;
         let hits = |fault: &CameraFault| (0..usize::from(self.fingers)).any(|finger| fault.applies_to(finger));
         if let Some(fault) = self.fault.filter(|fault| !hits(fault)) {

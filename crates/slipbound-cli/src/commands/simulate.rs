@@ -1,8 +1,8 @@
 //! `slipbound simulate`: writes a scene as a recording with its ground truth.
 
-use crate::args::refuse_set_of;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
+use crate::set_option;
 use crate::terminal::Terminal;
 use slipbound_lab::record::{RecordError, Recorded, read_scene, record};
 use slipbound_lab::scenes::Trial;
@@ -34,7 +34,7 @@ impl Simulate {
             false => Trial::parse(&self.scene).map_err(Failure::arguments)?,
         };
         if self.seed.is_some() {
-            refuse_set_of(&self.set, &[("seed", "--seed")])?;
+            set_option::refuse_own(&self.set, &[("seed", "--seed")])?;
         }
         for setting in &self.set {
             trial = trial.with_setting(setting).map_err(Failure::arguments)?;

@@ -83,7 +83,7 @@ impl Tare {
         let source = &self.source;
         let touch = match tells_touch {
             true => "nothing touches it",
-            false => "whether something touches it is unknown, `slipbound calibrate` measures how it looks untouched",
+            false => "whether something touches it is unknown, its markers leave too little gel between them",
         };
         terminal.say(&format!("{source}: {touch}; {markers_count} markers, {frames} of {looked_at} looked at"))?;
         terminal.say(&match noise {

@@ -1,8 +1,8 @@
 //! `slipbound trials`: the tasks over friction, seeds, controllers and fingers, as a table.
 
-use crate::args::refuse_set_of;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
+use crate::set_option;
 use crate::terminal::Terminal;
 use slipbound::task::{Ending, TaskKind};
 use slipbound_lab::trials::{self, Controls, TrialError, TrialGrid};
@@ -54,7 +54,7 @@ impl Trials {
             return Err(Failure::Arguments(anyhow::anyhow!("--first-seed: expected at most {most}, got {got}")));
         };
         let own = [("seed", "--first-seed"), ("mu", "--mu"), ("object", "--object"), ("fingers", "--fingers")];
-        refuse_set_of(&self.set, &own)?;
+        set_option::refuse_own(&self.set, &own)?;
         let grid = TrialGrid {
             tasks: self.task.clone(),
             objects: self.object.clone(),

@@ -1,9 +1,4 @@
-//! Short digests, to detect changes: of what a sweep reads from files, and of the program itself.
-
-use super::error::EvalError;
-use super::watch::{Restarts, Watch, watch};
-use crate::rivals::{DETECTORS, Entry};
-use crate::scenes::Trial;
+//! A short digest, to detect changes: of what a sweep reads from files, and of how it judges.
 
 /// FNV-1a of 64 bits over parts of text. Detects a wrong folder, not deliberate manipulation.
 #[derive(Debug, Clone, Copy)]
@@ -26,20 +21,6 @@ impl Digest {
     pub fn word(self) -> String {
         format!("{:016x}", self.0)
     }
-}
-
-/// A short trial with contact, incipient and gross slip.
-const TRIAL: &str = "ramp?object=crayons_box&force_n=20&mu=0.5&ramp_s=0.2&grid=fast&seed=1";
-
-/// The digest of a simulated trial and of what every detector says of it: builds that simulate or judge differently give
-/// different ones, and their records do not belong into one table.
-pub(super) fn of_method() -> Result<String, EvalError> {
-    let entries: Vec<&'static Entry> = DETECTORS.iter().collect();
-    let watched = watch(&Watch::new(Trial::parse(TRIAL)?, Restarts::Rivals), &entries, None)?;
-    let mut digest = Digest::new();
-    digest.add(&format!("{:?} {:?}", watched.truth, watched.gross));
-    watched.seen.iter().for_each(|(entry, seen)| digest.add(&format!("{} {seen:?}", entry.name)));
-    Ok(digest.word())
 }
 
 #[cfg(test)]

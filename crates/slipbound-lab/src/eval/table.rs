@@ -1,8 +1,5 @@
 //! Tables of a sweep, as Markdown and as JSON.
 
-use super::digest::of_method;
-use super::error::EvalError;
-use super::protocol::Protocol;
 use super::statistics::Estimated;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -23,21 +20,6 @@ pub struct Sweep {
     /// Everything else that changes a record: detectors, data, options.
     #[serde(default)]
     pub settings: std::collections::BTreeMap<String, String>,
-}
-
-impl Sweep {
-    /// The sweep of a protocol with this seed, judged by this program: `method` among the settings is a digest of how it
-    /// simulates and judges a short trial, which is run for it.
-    pub fn new(protocol: &dyn Protocol, seed: u64) -> Result<Self, EvalError> {
-        let method = ("method".to_owned(), of_method()?);
-        Ok(Sweep {
-            protocol: protocol.name().into(),
-            seed,
-            trials_count: protocol.trials_count(),
-            software_version: env!("CARGO_PKG_VERSION").into(),
-            settings: protocol.settings().into_iter().chain([method]).collect(),
-        })
-    }
 }
 
 /// An entry of a table.

@@ -6,11 +6,11 @@
 //!           '------------- presses and moves --------------------'----------------------'
 //! ```
 
-use crate::args::refuse_set_of;
 use crate::emulated::{EmulatedGripper, wrist_emulator};
 use crate::interruption;
 use crate::loopback::{WorldFrame, world};
 use crate::outcome::{Failure, Outcome};
+use crate::set_option;
 use crate::terminal::Terminal;
 use anyhow::{Context, anyhow};
 use slipbound::hand::Side;
@@ -59,7 +59,7 @@ pub struct Hand {
 impl Hand {
     /// Serves until Ctrl-C, or the end of the scene.
     pub fn run(&self) -> Result<Outcome, Failure> {
-        refuse_set_of(&self.set, &[("seed", "--seed")])?;
+        set_option::refuse_own(&self.set, &[("seed", "--seed")])?;
         let mut text = format!("{}?seed={}", self.task, self.seed);
         if !self.set.iter().any(|setting| setting.starts_with("longest_s=")) {
             text.push_str("&longest_s=3600");
