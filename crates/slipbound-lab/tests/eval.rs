@@ -90,6 +90,11 @@ fn a_folder_of_another_sweep_is_refused_by_file_key_expected_and_got() {
         "{error}"
     );
     assert!(!root.path().join("twice").exists(), "a folder for nothing");
+    let here = Sweep::new(&*protocol, SEED).expect("a sound trial");
+    assert_eq!(here, Sweep::new(&*protocol, SEED).expect("a sound trial"));
+    let here = Sweep { software_version: "0".into(), ..here };
+    let error = open(&here).expect_err("it may judge otherwise").to_string();
+    assert!(error.contains("sweep.json: sweep.settings: expected {\"method\": "), "{error}");
     let other = Sweep { seed: 6, ..sweep(&*protocol) };
     let error = open(&other).expect_err("another seed").to_string();
     assert!(error.contains("sweep.json: sweep.seed: expected 6, got 5"), "{error}");

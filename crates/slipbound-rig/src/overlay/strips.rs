@@ -37,7 +37,7 @@ pub(super) fn head(canvas: &mut Canvas, report: &SlipReport, markers: &[Marker])
 /// How the object slides, or would slide if the load grew.
 fn slip_in_words(state: SlipState, slip: &SlipSummary) -> String {
     let verb = match state {
-        SlipState::Incipient => "   would ",
+        SlipState::Incipient => "   object would ",
         SlipState::Gross => "   object ",
         _ => return String::new(),
     };
@@ -172,7 +172,7 @@ mod tests {
     fn only_an_object_that_slides_is_said_to() {
         let slip = |kind, direction_rad| SlipSummary { kind: Some(kind), direction_rad, ..SlipSummary::default() };
         let down = slip(SlipKind::Translation, Some(-std::f64::consts::FRAC_PI_2));
-        assert_eq!(slip_in_words(SlipState::Incipient, &down), "   would slide towards -90 deg");
+        assert_eq!(slip_in_words(SlipState::Incipient, &down), "   object would slide towards -90 deg");
         assert_eq!(slip_in_words(SlipState::Gross, &down), "   object slides towards -90 deg");
         assert_eq!(slip_in_words(SlipState::Gross, &slip(SlipKind::Both, None)), "   object turns and slides");
         assert_eq!(slip_in_words(SlipState::Stick, &down), "");
