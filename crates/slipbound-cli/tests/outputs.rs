@@ -341,6 +341,12 @@ fn numbers_and_options_that_mean_nothing_are_refused() {
     for (line, said) in [
         ("trials --seeds 0", "--seeds"),
         ("trials --first-seed 18446744073709551615 --seeds 2", "--first-seed"),
+        ("eval ramps --trials 1 -o -", "--output -: expected the name of a folder"),
+        ("simulate shear -o -", "--output -: expected the name of a folder"),
+        ("demo -o -", "--output -: expected the name of a folder"),
+        ("paper -o -", "--output -: expected the name of a folder"),
+        ("hold sim --gripper dry -o -", "--output -: expected the name of a folder"),
+        ("emulate hand -o -", "--output -: expected the name of a folder"),
         ("eval ramps --trials 0 -o ev", "--trials"),
         ("eval ramps --trials 18446744073709551615 -o ev", "--trials"),
         ("eval table1 --trials 400 -o ev", "--trials: expected at most the 320 of table1, got 400"),

@@ -94,6 +94,7 @@ pub struct Demo {
 impl Demo {
     /// Runs the task to its end.
     pub fn run(&self) -> Result<Outcome, Failure> {
+        self.output.as_deref().map_or(Ok(()), inputs::refuse_stdout_folder)?;
         let mut settings = config::load_task_settings(self.settings.as_deref()).map_err(Failure::arguments)?;
         if let Some(name) = &self.controller {
             settings.controller = name.parse().map_err(Failure::arguments)?;

@@ -3,6 +3,7 @@
 mod page;
 mod pictures;
 
+use super::inputs;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
@@ -111,6 +112,7 @@ impl Eval {
     /// Runs the missing trials, then writes tables and page.
     pub fn run(&self) -> Result<Outcome, Failure> {
         self.refuse_without_effect()?;
+        self.output.as_deref().map_or(Ok(()), inputs::refuse_stdout_folder)?;
         if self.protocol == "merge" {
             return self.merge();
         }

@@ -70,6 +70,11 @@ pub fn refuse_stdout(option: &str, path: &Path, expected: &str) -> Result<(), Fa
     }
 }
 
+/// Refuses `-` as the folder of `--output`.
+pub fn refuse_stdout_folder(folder: &Path) -> Result<(), Failure> {
+    refuse_stdout("--output", folder, "the name of a folder")
+}
+
 /// Whether a file begins as an MCAP file does, whichever program wrote it.
 pub fn is_recording(path: &Path) -> bool {
     start(path).is_some_and(|start| start == MCAP)

@@ -10,6 +10,7 @@
 mod steps;
 mod tasks;
 
+use super::inputs;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
@@ -42,6 +43,7 @@ pub struct Paper {
 impl Paper {
     /// Makes every figure and table.
     pub fn run(&self) -> Result<Outcome, Failure> {
+        inputs::refuse_stdout_folder(&self.output)?;
         folder::refuse_used(&self.output, "table1/sweep.json", &["table1"])?;
         fs::create_dir_all(&self.output).map_err(|error| cannot_write(&self.output, error))?;
         let stop = interruption::listen()?;

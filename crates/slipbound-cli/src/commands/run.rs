@@ -159,6 +159,7 @@ impl Hardware {
     }
 
     fn run(&self, name: &str, task: TaskKind, settings: &TaskSettings, wrist: &str) -> Result<Outcome, Failure> {
+        self.output.as_deref().map_or(Ok(()), inputs::refuse_stdout_folder)?;
         if !(0.1..=1000.0).contains(&self.rate_hz) {
             return Err(Failure::Arguments(anyhow!("--rate-hz: expected 0.1 to 1000 Hz, got {}", self.rate_hz)));
         }

@@ -38,7 +38,7 @@ impl Man {
     /// Writes a page for `program` and each of its commands.
     pub fn run(&self, program: Command) -> Result<Outcome, Failure> {
         let shown = self.output.display();
-        inputs::refuse_stdout("--output", &self.output, "the name of a folder")?;
+        inputs::refuse_stdout_folder(&self.output)?;
         if self.output.is_file() {
             return Err(Failure::Arguments(anyhow!("{shown}: expected a folder, got a file")));
         }

@@ -1,5 +1,6 @@
 //! `slipbound simulate`: writes a scene as a recording with its ground truth.
 
+use super::inputs;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::set_option;
@@ -29,6 +30,7 @@ pub struct Simulate {
 impl Simulate {
     /// Runs the scene from its first frame to its last.
     pub fn run(&self) -> Result<Outcome, Failure> {
+        inputs::refuse_stdout_folder(&self.output)?;
         let mut trial = match self.scene.ends_with(".toml") {
             true => read_scene(Path::new(&self.scene)).map_err(Failure::arguments)?,
             false => Trial::parse(&self.scene).map_err(Failure::arguments)?,

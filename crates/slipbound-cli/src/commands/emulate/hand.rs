@@ -6,6 +6,7 @@
 //!           '------------- presses and moves --------------------'----------------------'
 //! ```
 
+use crate::commands::inputs;
 use crate::emulated::{EmulatedGripper, wrist_emulator};
 use crate::interruption;
 use crate::loopback::{WorldFrame, world};
@@ -59,6 +60,7 @@ pub struct Hand {
 impl Hand {
     /// Serves until Ctrl-C, or the end of the scene.
     pub fn run(&self) -> Result<Outcome, Failure> {
+        inputs::refuse_stdout_folder(&self.output)?;
         set_option::refuse_own(&self.set, &[("seed", "--seed")])?;
         let mut text = format!("{}?seed={}", self.task, self.seed);
         if !self.set.iter().any(|setting| setting.starts_with("longest_s=")) {
