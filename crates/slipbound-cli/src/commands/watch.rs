@@ -117,6 +117,7 @@ impl Watch {
         rest::refuse_second_reading(self)?;
         let fingers = [self.finger.clone()];
         let recorder = self.record.as_deref().map(|path| Recorder::create(path, &fingers, true)).transpose()?;
+        recorder.iter().for_each(Recorder::accept_frames); // a camera's frames may come before it counts as opened
         let (mut recording, camera) = recording::open_watched(&self.source, recorder.as_ref())?;
         if let (Some(recorder), Some(_)) = (&recorder, &camera) {
             recorder.begin(); // with the frames in which the rest frame is found

@@ -119,7 +119,7 @@ pub(super) enum Item {
 pub struct Inlet {
     to: SyncSender<Item>,
     lost: Arc<AtomicU64>,
-    begun: Arc<AtomicBool>,
+    accepts: Arc<AtomicBool>,
 }
 
 impl Inlet {
@@ -138,8 +138,8 @@ impl Inlet {
     }
 
     /// Whether frames of cameras are recorded yet.
-    pub(super) fn has_begun(&self) -> bool {
-        self.begun.load(Ordering::Acquire)
+    pub(super) fn accepts_frames(&self) -> bool {
+        self.accepts.load(Ordering::Acquire)
     }
 
     /// Hands in an item that must not be lost: waits for room.
@@ -162,20 +162,25 @@ pub struct Recorder {
 impl Recorder {
     /// Prepares a recording of these fingers. The first frame or line after [`Recorder::begin`], or
     /// [`Recorder::finish`], replaces the old file. Items handed in earlier wait for that, except frames of cameras,
-    /// which are dropped ([`TappedSource`](super::TappedSource)). `judges`: whether frames will be marked as judged
+    /// which are dropped ([`TappedSource`](super::TappedSource)) until [`Recorder::accept_frames`]. `judges`: whether frames will be marked as judged
     /// ([`MarkedSource`](super::MarkedSource)); otherwise all are only recorded.
     pub fn create(path: &Path, fingers: &[String], judges: bool) -> Result<Self, Error> {
         let file = DeferredTruncation::open(path).map_err(|source| Error::Create { path: path.to_owned(), source })?;
         let fingers = fingers.to_vec();
         let (to, items) = sync_channel(QUEUE_COUNT);
         let thread = thread::spawn(move || write_all(file, fingers, judges, &items));
-        let inlet = Inlet { to, lost: Arc::default(), begun: Arc::default() };
+        let inlet = Inlet { to, lost: Arc::default(), accepts: Arc::default() };
         Ok(Recorder { path: path.to_owned(), inlet, thread: Some(thread) })
+    }
+
+    /// From here on frames of cameras wait, too: before a camera is opened whose first frame is to be recorded.
+    pub fn accept_frames(&self) {
+        self.inlet.accepts.store(true, Ordering::Release);
     }
 
     /// Everything that could be refused is ready: from here on the recording replaces the old file.
     pub fn begin(&self) {
-        self.inlet.begun.store(true, Ordering::Release);
+        self.accept_frames();
         self.inlet.send(Item::Begin);
     }
 

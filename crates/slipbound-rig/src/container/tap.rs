@@ -16,8 +16,8 @@ pub struct TappedSource<S> {
 impl<S> TappedSource<S> {
     /// Records this source as the finger with this number. `waits`: whether it waits for the disk and for
     /// [`Recorder::begin`](super::Recorder::begin), as a recording can. A camera's frame is lost instead, and counted.
-    /// Before the recording begins, camera frames are read and dropped, so that no unrecorded frame is judged and the
-    /// first recorded frame is not an old one.
+    /// Before the recording begins or accepts frames, those of a camera are read and dropped, so that no unrecorded
+    /// frame is judged and the first recorded frame is not an old one.
     pub fn new(source: S, finger: usize, inlet: Inlet, waits: bool) -> Self {
         TappedSource { source, finger, inlet, waits }
     }
@@ -31,7 +31,7 @@ impl<S: FrameSource> FrameSource for TappedSource<S> {
             Next::Torn { reason } => Some(reason.clone()),
             Next::Silent | Next::End => return Ok(next),
         };
-        if !self.waits && !self.inlet.has_begun() {
+        if !self.waits && !self.inlet.accepts_frames() {
             return Ok(Next::Silent);
         }
         // Pixels are copied only if they are what is recorded.

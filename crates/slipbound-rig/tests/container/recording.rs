@@ -62,7 +62,7 @@ fn what_was_there_stays_until_something_is_recorded() {
 }
 
 #[test]
-fn what_comes_before_a_recording_begins_costs_nothing_and_only_a_camera_loses_it() {
+fn what_comes_before_a_recording_begins_costs_nothing_and_only_a_camera_loses_it_unless_its_frames_are_accepted() {
     let scratch = tempfile::tempdir().expect("a folder");
     let path = scratch.path().join("run.mcap");
     record(&path, 3, |_| true);
@@ -72,15 +72,24 @@ fn what_comes_before_a_recording_begins_costs_nothing_and_only_a_camera_loses_it
         let mut frame = FrameBuffer::default();
         (0..3).map(|_| tapped.next(&mut frame).expect("goes on")).collect::<Vec<_>>()
     };
-    for (waits, expected_count) in [(true, 6), (false, 3)] {
-        let create = || Recorder::create(&path, &["left".into()], false).expect("creates");
+    for (waits, accepts, expected_count) in [(true, false, 6), (false, false, 3), (false, true, 6)] {
+        let create = || {
+            let recorder = Recorder::create(&path, &["left".into()], false).expect("creates");
+            if accepts {
+                recorder.accept_frames();
+            }
+            recorder
+        };
         let refused = create();
         read(&refused, waits);
         drop(refused);
         assert!(fs::read(&path).expect("reads") == before, "what was there is lost");
         let recorder = create();
         let early = read(&recorder, waits);
-        assert!(early.iter().all(|next| *next == if waits { Next::Frame } else { Next::Silent }), "{early:?}");
+        assert!(
+            early.iter().all(|next| *next == if waits || accepts { Next::Frame } else { Next::Silent }),
+            "{early:?}"
+        );
         recorder.begin();
         read(&recorder, waits);
         assert_eq!(recorder.finish().expect("closes").frames_count, expected_count);
