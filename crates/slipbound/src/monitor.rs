@@ -18,6 +18,7 @@ mod schedule;
 mod settings;
 mod slip;
 mod trees;
+mod verdict;
 
 pub use contact::ContactSettings;
 pub use estimate::{EstimateTrees, FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
@@ -87,12 +88,7 @@ pub struct SlipMonitor {
     reference_seq: u64,
     rebase_from: Option<u64>,
     in_contact_count: u32,
-    /// Rule `margin`: whether the alarm is on, and the number of consecutive frames with a small margin.
-    alarmed: bool,
-    small_margin_frames_count: u32,
-    gross: gross::GrossWatch,
-    /// Whether the object slides as a whole.
-    slides: bool,
+    verdict: verdict::Verdict,
 }
 
 impl SlipMonitor {
@@ -124,10 +120,7 @@ impl SlipMonitor {
             reference_seq: rest.seq,
             rebase_from: None,
             in_contact_count: 0,
-            alarmed: false,
-            small_margin_frames_count: 0,
-            gross: gross::GrossWatch::new(),
-            slides: false,
+            verdict: verdict::Verdict::new(settings),
             imprint,
             settings: settings.clone(),
             sensor,
@@ -187,7 +180,7 @@ impl SlipMonitor {
 
         let area_px2 = self.contact.area_px2 as f64;
         self.slip.judge(self.motion.motion.as_ref(), &mut self.markers.all);
-        self.evidence.take(frame, &self.imprint, area_px2, &self.markers.all, due);
+        self.evidence.take(frame, &self.imprint, &self.contact, &self.markers.all, due);
         probe.after(Step::Slip, self);
 
         self.estimate(frame, grip, area_px2);
@@ -208,20 +201,14 @@ impl SlipMonitor {
         report
     }
 
-    /// Step 5, and the rule `margin`.
+    /// Estimates of load and friction, and from them and the evidence whether there is an alarm or gross slip.
     fn estimate(&mut self, frame: &Frame<'_>, grip: Option<GripSample>, area_px2: f64) {
         // The scale of the score is that of a smooth gel: a weave shows little of an imprint.
         let held_from_start = self.evidence.starts_in_contact() && self.sensor.skin == Skin::Smooth;
         if !self.contact.touches {
-            (self.alarmed, self.small_margin_frames_count) = (false, 0);
             // Until the object has left, or has slid to its end.
-            if held_from_start && (self.contact.held_unseen || self.slides) {
-                self.slides = self.slides_unseen(frame);
-            } else {
-                self.estimator.clear();
-                self.gross.clear();
-                self.slides = false;
-            }
+            let may_be_held = held_from_start && (self.contact.held_unseen || self.verdict.slides);
+            self.verdict.see_no_region(frame.time_ns, may_be_held, &mut self.estimator, &self.evidence);
             return;
         }
         let had_reference = self.estimator.has_reference();
@@ -229,55 +216,19 @@ impl SlipMonitor {
         if by_displacement && !had_reference {
             self.estimator.count_from_rest();
         }
-        self.estimator.imprint_slides(self.evidence.report.as_ref().is_some_and(|evidence| evidence.slides));
+        self.estimator.set_imprint_slides(self.evidence.report.as_ref().is_some_and(|evidence| evidence.slides));
         self.estimator.see(frame.time_ns, grip, area_px2, self.contact.middle_px, &self.markers.all);
-        let (at_s, load, grip_n) = self.estimator.load_now();
-        let loaded = gross::Loaded { at_s, load, grip_n: grip_n.unwrap_or(0.0) };
-        let seen = gross::Seen {
-            evidence: self.evidence.report.as_ref(),
-            recent: self.evidence.recent.as_ref(),
-            loaded: self.estimator.features.as_ref().map(|features| (features, loaded)),
-            at_s,
-            held_from_start,
-        };
-        let knows_grip = self.estimator.knows_grip();
-        let moves = self.settings.evidence.used && self.gross.see(&self.estimator.estimates, knows_grip, &seen);
-        self.estimator.slides(moves);
-        self.slides = self.settings.evidence.used && self.gross.slides();
-        if self.settings.slip.rule == SlipRule::Margin {
-            if self.estimator.has_reference() && !had_reference && !by_displacement {
-                // The slip field, too, is relative to the squeezed finger.
-                self.rebase_from = Some(frame.seq);
-            }
-            self.watch_margin();
+        self.verdict.see(&mut self.estimator, &self.evidence, held_from_start);
+        let by_margin = self.settings.slip.rule == SlipRule::Margin;
+        if by_margin && self.estimator.has_reference() && !had_reference && !by_displacement {
+            // The slip field, too, is relative to the squeezed finger.
+            self.rebase_from = Some(frame.seq);
         }
         // Deviation: D16 alarm from the estimated margin
-        if self.alarmed || (self.slides && self.slip.summary.kind.is_none()) {
+        if self.verdict.alarmed || (self.verdict.slides && self.slip.summary.kind.is_none()) {
             let (pull, turn) = self.estimator.pull_and_turn_px3();
             self.slip.set_kind_from_load(pull, turn);
         }
-    }
-
-    /// Whether an object slides that has been held since the rest frame and makes no contact region.
-    fn slides_unseen(&mut self, frame: &Frame<'_>) -> bool {
-        self.estimator.skip(frame.time_ns);
-        let (at_s, ..) = self.estimator.load_now();
-        let (evidence, recent) = (self.evidence.report.as_ref(), self.evidence.recent.as_ref());
-        let seen = gross::Seen { evidence, recent, loaded: None, at_s, held_from_start: true };
-        self.gross.see(&self.estimator.estimates, false, &seen);
-        self.settings.evidence.used && self.gross.slides()
-    }
-
-    /// The rule `margin`. An unknown margin does not end an alarm.
-    fn watch_margin(&mut self) {
-        let Some(margin) = self.estimator.estimates.margin else { return };
-        let settings = &self.settings.slip;
-        let small =
-            margin.value <= if self.alarmed { settings.clear_margin_fraction } else { settings.alarm_margin_fraction };
-        self.small_margin_frames_count = if small { self.small_margin_frames_count + 1 } else { 0 };
-        // The margin from images alone is less reliable: two frames must agree.
-        let needed = if self.estimator.knows_grip() { 1 } else { 2 };
-        self.alarmed = small && (self.alarmed || self.small_margin_frames_count >= needed);
     }
 
     /// Makes the last frame the new reference, as after a slip or a grip step. `seq`: the number of that frame.
@@ -343,7 +294,7 @@ impl SlipMonitor {
 
     /// Input of the verdict on gross slip in the last frame; None where too little is known.
     pub fn slide_features(&self) -> Option<&SlideFeatures> {
-        self.gross.features.as_ref()
+        self.verdict.slide_features()
     }
 
     /// Features behind the estimates of the last frame, see [`FEATURE_NAMES`]; None without estimates.
@@ -385,7 +336,7 @@ impl SlipMonitor {
         let quality = self.contact.quality(self.in_contact_count);
         let unsure = self.contact.unsure(quality) || self.motion.motion.is_none();
         let slips = match self.settings.slip.rule {
-            SlipRule::Margin => self.alarmed,
+            SlipRule::Margin => self.verdict.alarmed,
             SlipRule::Markers => self.slip.slips,
         };
         // Load over grip needs no contact region: slip is reported even if the patch is too small or weak for other
@@ -395,7 +346,7 @@ impl SlipMonitor {
             _ if self.refusal.is_some() => (SlipState::Unjudged, self.refusal),
             _ if self.markers.half_lost() => (SlipState::Unjudged, Some(Reason::MarkersLost)),
             // Gross slip is reported whatever the contact quality.
-            _ if self.slides => (SlipState::Gross, None),
+            _ if self.verdict.slides => (SlipState::Gross, None),
             _ if !self.contact.touches && !self.contact.held_unseen => (SlipState::NoContact, None),
             // Deviation: D11 unsure
             _ if unsure && !sure => (SlipState::Unsure, Some(Reason::ContactQuality)),

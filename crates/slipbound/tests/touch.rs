@@ -117,6 +117,25 @@ fn an_object_held_from_the_start_that_is_too_faint_for_a_region_is_unsure_until_
     }
 }
 
+/// An imprint near the limit shows no region in some frames.
+#[test]
+fn an_object_held_from_the_start_is_held_though_its_region_is_missed_in_a_frame() {
+    let strong = Touch { strength_levels: 7.5, ..touch(55.0) };
+    let faint = Touch { strength_levels: 5.0, ..touch(55.0) };
+    let (painter, mut monitor) = finger_from(Skin::Smooth, Some(&strong));
+    let mut show = |seq: u64, touch: Option<&Touch>| {
+        let report = monitor.step(&frame(&painter.paint(&painter.rest, touch, seq), SIZE, seq), None);
+        (report.contact.area_px2, report.state)
+    };
+    let held: Vec<_> = (0..30).map(|i| show(i, Some(if i % 8 < 6 { &strong } else { &faint }))).collect();
+    let (on_px2, off_px2) = (0.0294 * SIZE.area() as f64, 0.0057 * SIZE.area() as f64);
+    assert!(held[..6].iter().all(|(area_px2, _)| *area_px2 > on_px2), "a region: {held:?}");
+    assert!(held.iter().any(|(area_px2, _)| *area_px2 < off_px2), "none in some: {held:?}");
+    assert!(held.iter().all(|(_, state)| *state != SlipState::NoContact), "{held:?}");
+    let free: Vec<_> = (30..40).map(|i| show(i, None)).collect();
+    assert!(free[2..].iter().all(|(_, state)| *state == SlipState::NoContact), "{free:?}");
+}
+
 /// The slide score needs no contact region. The object slides on, or stops after four frames.
 #[test]
 fn an_object_held_from_the_start_that_slides_is_gross_though_it_is_too_faint_for_a_region() {

@@ -197,7 +197,7 @@ impl CameraSettings {
                 gel_mm: Some([25.25, 20.75]),
                 marker_diameter_px: 22.0,
                 skin: Skin::Smooth,
-                bare_sharpness: None,
+                bare_sharpness: Some(1.5), // at rest; 3.0 and more with an imprint that has edges, 1.6 with a round one
                 edge_bands: Vec::new(),
                 rectification: None,
                 defects_px: Vec::new(),

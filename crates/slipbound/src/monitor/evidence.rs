@@ -19,6 +19,7 @@ mod slide;
 mod sliding;
 
 use crate::image::Frame;
+use crate::monitor::contact::Contact;
 use crate::monitor::imprint::Imprint;
 use crate::monitor::motion::fit_rigid;
 use crate::monitor::report::{EvidenceReport, Marker};
@@ -223,11 +224,19 @@ impl Evidence {
         self.starts_in_contact
     }
 
-    /// Adds a frame whose markers are known. `area_px2`: that of the contact, zero without. `due`: whether the contact
-    /// region is new, and whether the evidence is evaluated.
-    pub(super) fn take(&mut self, frame: &Frame<'_>, imprint: &Imprint, area_px2: f64, markers: &[Marker], due: Due) {
+    /// Adds a frame whose markers are known. `due`: whether the contact region is new, and whether the evidence is
+    /// evaluated.
+    pub(super) fn take(
+        &mut self,
+        frame: &Frame<'_>,
+        imprint: &Imprint,
+        contact: &Contact,
+        markers: &[Marker],
+        due: Due,
+    ) {
+        let area_px2 = contact.area_px2 as f64;
         self.has_touched |= area_px2 > 0.0;
-        self.starts_in_contact &= area_px2 > 0.0 || !self.has_touched;
+        self.starts_in_contact &= contact.touches || contact.held_unseen || !self.has_touched;
         let touched = area_px2 > 0.0 || self.starts_in_contact;
         if touched && !due.evidence && self.report.is_some() {
             self.go_on(markers);

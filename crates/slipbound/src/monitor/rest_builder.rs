@@ -12,7 +12,7 @@ pub use choose::{RestChoice, RestLook};
 
 use crate::image::{Frame, SizePx};
 use crate::monitor::cell_map::{CellMap, cover_radius_px};
-use crate::monitor::contact::{illumination, texture_share};
+use crate::monitor::contact::{IMPRINT_RATIO, illumination, texture_share};
 use crate::monitor::imprint::{Extra, Imprint};
 use crate::monitor::markers::{Detector, RestMarker};
 use crate::monitor::report::Reason;
@@ -24,8 +24,6 @@ use crate::setting::SettingError;
 use choose::CellImage;
 use sharpness::{Sharpness, covered, wide_radius_px};
 
-/// An imprint is sharper than the untouched finger by this factor; noise and JPEG change sharpness by a tenth.
-const IMPRINT_RATIO: f64 = 1.35;
 /// Painted gels with markers close together are up to 5.4 levels sharp untouched, weaves taken for a gel 38.
 const RIMS_RATIO: f64 = 1.5;
 

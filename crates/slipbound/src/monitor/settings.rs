@@ -47,6 +47,7 @@ impl Settings {
             imprint: ImprintSettings { illumination: Illumination::Gaussian, ..ImprintSettings::default() },
             contact: ContactSettings {
                 hide_rest_edges: false,
+                follow_light: false,
                 drop_weak_pieces: false,
                 rim_fraction: 0.0,
                 displaced_pitch: 0.0,

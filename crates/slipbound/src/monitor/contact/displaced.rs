@@ -83,12 +83,10 @@ impl DisplacedContact {
     /// contact, 1 at twice that.
     pub fn find(&mut self, markers: &[Marker], region: &mut Mask) -> f64 {
         region.clear();
-        if !self.touches {
-            // The displacement left by the last contact only shrinks.
-            for (slack, m) in self.slack_px.iter_mut().zip(markers) {
-                let now = m.now_from_rest();
-                *slack = if now.length_squared() < slack.length_squared() { now } else { *slack };
-            }
+        // The displacement left by the last contact only shrinks: a gel that springs back is not dragged.
+        for (slack, m) in self.slack_px.iter_mut().zip(markers) {
+            let now = m.now_from_rest();
+            *slack = if now.length_squared() < slack.length_squared() { now } else { *slack };
         }
         let longest_px = self.measure(markers);
         self.longest_px = self.longest_px.max(longest_px);
@@ -197,6 +195,18 @@ mod tests {
         assert_eq!(region.area_px2(), 0, "0.8 px on top of what is left");
         finder.find(&moved(|_| Vec2::new(1.5, 0.0)), &mut region);
         assert!(region.area_px2() > 0, "1 px");
+    }
+
+    #[test]
+    fn a_gel_that_springs_back_all_at_once_is_touched_by_nothing() {
+        let (mut finder, mut region) = finder();
+        finder.reset_baseline(&moved(|_| Vec2::new(27.0, 0.0)));
+        // It was dragged on before the image showed that it is free.
+        finder.find(&moved(|_| Vec2::new(29.0, 0.0)), &mut region);
+        for _ in 0..2 {
+            finder.find(&moved(|_| Vec2::ZERO), &mut region);
+            assert_eq!(region.area_px2(), 0);
+        }
     }
 
     #[test]

@@ -165,7 +165,7 @@ impl Friction {
     }
 
     /// Sets whether the object slides in the last frame. In the first frame of a slide all of the friction is used.
-    pub fn slides(&mut self, slides: bool) {
+    pub fn set_slides(&mut self, slides: bool) {
         if !slides {
             self.slide = None;
             return;

@@ -243,20 +243,20 @@ fn what_a_larger_load_has_left_at_the_rim_is_not_taken_for_slip_of_a_smaller_one
 #[test]
 fn the_load_that_slides_tells_the_friction_whatever_frames_said() {
     let mut friction = Friction::default();
-    friction.slides(true);
+    friction.set_slides(true);
     assert_eq!(friction.see(&shown(0.3, 10.0, 0.4), used(0.45)).0, None, "no frame, no slide");
     // Estimated as rough: more than half of it is out of view. The load falls during the slide.
     let slid = |frames: u32, period_s: f64| {
         let mut friction = Friction::default();
         for _ in 0..60 {
             friction.see(&shown(0.3, 5.0, 0.2), used(0.5));
-            friction.slides(false);
+            friction.set_slides(false);
         }
         for frame in 0..frames {
             let (per_grip, f) = if frame == 0 { (0.3, 0.5) } else { (0.2, 0.6) };
             let at_s = period_s * f64::from(frame);
             friction.see(&Shown { at_s, imprint_slides: true, ..shown(per_grip, 5.0, 0.4) }, used(f));
-            friction.slides(true);
+            friction.set_slides(true);
         }
         friction
     };
@@ -274,9 +274,9 @@ fn the_load_that_slides_tells_the_friction_whatever_frames_said() {
         assert!(mu > 0.45, "a slide of {frames} frames of {period_s} s may be none: {mu}");
     }
     let mut twice = slid(2, 1.0 / 30.0);
-    twice.slides(false);
+    twice.set_slides(false);
     twice.see(&Shown { at_s: 0.1, ..shown(0.2, 5.0, 0.2) }, used(0.5));
-    twice.slides(true);
+    twice.set_slides(true);
     assert!(told(twice).0 > 0.45, "each counts from its own beginning");
 }
 

@@ -1,0 +1,54 @@
+//! When a finger is touched: a start in contact that ends, and light that changes.
+
+use slipbound::image::Frame;
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipState};
+use slipbound::port::{FrameBuffer, FrameSource, Next};
+use slipbound_lab::scenes::Trial;
+use slipbound_lab::world::World;
+
+/// Of each frame from `from` on whether an object touches in truth, and the state. The first `rest_count` of them give
+/// the rest frame, of this kind.
+fn states(scene: &str, from: u64, rest_count: u64, kind: RestKind) -> Vec<(bool, SlipState)> {
+    let trial = Trial::parse(&format!("{scene}&grid=fast")).expect("a trial");
+    let mut world = World::new(&trial).expect("a sound trial");
+    let (sensor, mut buffer) = (world.sensor(), FrameBuffer::default());
+    let mut rest = Some(RestBuilder::new(&sensor, &Settings::default(), sensor.image_px).expect("valid"));
+    let (mut monitor, mut states) = (None, Vec::new());
+    while world.next(&mut buffer).expect("a frame") == Next::Frame {
+        let frame: Frame<'_> = buffer.frame().expect("whole");
+        if frame.seq < from {
+            continue;
+        }
+        if let Some(rest) = rest.as_mut().filter(|_| frame.seq < from + rest_count) {
+            rest.add(&frame).expect("bright");
+            continue;
+        }
+        let monitor = monitor.get_or_insert_with(|| {
+            let rest = rest.take().expect("once").build(kind).expect("markers");
+            SlipMonitor::new(&sensor, &Settings::default(), rest).expect("valid")
+        });
+        states.push((world.truth().grip_force_n > 0.0, monitor.step(&frame, None).state));
+    }
+    states
+}
+
+#[test]
+fn a_weave_that_was_pressed_in_the_first_frame_is_free_once_it_is_let_go() {
+    for object in ["toy_duck", "screwdriver"] {
+        let seen = states(&format!("press_release?object={object}&hold_s=0.6&seed=3"), 28, 3, RestKind::InContact);
+        let held = seen.iter().take_while(|(touches, _)| *touches).count();
+        assert!(held > 15 && seen.len() > held + 5, "{object}: {held} of {} frames held", seen.len());
+        assert!(seen[..held - 3].iter().all(|(_, state)| *state == SlipState::Stick), "{object}: {seen:?}");
+        assert!(seen[held + 3..].iter().all(|(_, state)| *state == SlipState::NoContact), "{object}: {seen:?}");
+    }
+}
+
+/// The light grows by a sixth before anything touches.
+#[test]
+fn light_that_grows_does_not_press_the_weave() {
+    let seen = states("press_release?rest_frames=100&hold_s=0.3&seed=3&fault=drift=3", 0, 10, RestKind::Unloaded);
+    let free = seen.iter().take_while(|(touches, _)| !touches).count();
+    assert!(free > 85, "{free} frames untouched");
+    assert!(seen[..free].iter().all(|(_, state)| *state == SlipState::NoContact), "{seen:?}");
+    assert!(seen[free..].iter().any(|(_, state)| *state == SlipState::Stick), "{seen:?}");
+}
