@@ -1,5 +1,7 @@
 //! Conventions: settings have units, deviations are documented and tested, the core has almost no dependencies.
 
+#![allow(clippy::disallowed_methods)] // it reads the sources
+
 use slipbound::monitor::Settings;
 use std::collections::BTreeSet;
 use std::fs;

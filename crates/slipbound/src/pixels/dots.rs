@@ -2,10 +2,10 @@
 //!
 //! ```text
 //!   +-----------+     response = mean of the ring - mean of the core (dark dots; reversed for bright ones)
-//!   |   ring    |     on an image decimated so that a dot is 3 to 6 px wide: irregular, hollow and doubled
-//!   |  +-----+  |     dots fuse into one peak, shading and grid lines of light cancel.
+//!   |   ring    |     on an image decimated, at most fourfold, to dots of 3 to 6 px: irregular, hollow and
+//!   |  +-----+  |     doubled dots fuse into one peak, shading and grid lines of light cancel.
 //!   |  |core |  |     A spot is a local maximum of the response, the strongest first, none within
-//!   |  +-----+  |     half a pitch of a stronger one.
+//!   |  +-----+  |     SEPARATION_PITCH of a stronger one.
 //!   +-----------+
 //! ```
 
@@ -26,6 +26,12 @@ pub struct Spot {
 
 /// The curvature of a spot along one axis is at most this many times that along the other.
 const RIDGE: f64 = 8.0;
+/// Half width of the core in dot diameters: the core lies inside the dot, also beside its exact centre.
+const CORE_HALF_FRACTION: f64 = 0.4;
+/// Least distance of two spots: neighbours that a load presses together stay apart, the halves of a dot do not.
+const SEPARATION_PITCH: f64 = 0.45;
+/// Least response, whatever the caller asks for: one step of a decimated value.
+const LEAST_LEVELS: f32 = 1.0 / STEPS_PER_LEVEL as f32;
 
 /// Decimated values have two more bits than grey levels.
 const STEPS_PER_LEVEL: i32 = 4;
@@ -57,7 +63,7 @@ pub struct DotFinder {
     core_half: usize,
     ring_half: usize,
     separation_px: f64,
-    invert: bool,
+    is_dark: bool,
     row_sums: Vec<u16>,
     padded: Vec<u16>,
     /// Column sums of the padded image, over the height of core plus ring and over that of the core; zeros after them.
@@ -88,7 +94,7 @@ impl DotFinder {
         let shift = (0..3).rev().find(|s| diameter_px / f64::from(1 << s) >= 3.0).unwrap_or(0);
         let small = SizePx::new(size.width >> shift, size.height >> shift);
         let scale = f64::from(1u32 << shift);
-        let core_half = ((diameter_px / scale * 0.4).round() as usize).max(1);
+        let core_half = ((diameter_px / scale * CORE_HALF_FRACTION).round() as usize).max(1);
         let widest = ((pitch_px - diameter_px / 2.0) / scale).floor().max(1.0) as usize;
         let ring_half = (2 * core_half + 1).min(widest).max(core_half + 1);
         let padded = SizePx::new(small.width + 2 * ring_half, small.height + 2 * ring_half);
@@ -102,8 +108,8 @@ impl DotFinder {
             small,
             core_half,
             ring_half,
-            separation_px: 0.45 * pitch_px,
-            invert: polarity == Polarity::Dark,
+            separation_px: SEPARATION_PITCH * pitch_px,
+            is_dark: polarity == Polarity::Dark,
             row_sums: vec![0; size.width],
             padded: vec![0; padded.area()],
             all_columns: vec![0; stride + MOST_SIDE],
@@ -129,7 +135,7 @@ impl DotFinder {
         assert_eq!(grey.len(), self.size.area(), "grey image of another size");
         self.decimate(grey);
         self.respond();
-        self.collect(min_levels.max(0.25));
+        self.collect(min_levels.max(LEAST_LEVELS));
         self.keep_apart();
         &self.spots
     }
@@ -137,7 +143,7 @@ impl DotFinder {
     fn decimate(&mut self, grey: &[u8]) {
         let (n, pad) = (1usize << self.shift, self.ring_half);
         let width = self.small.width + 2 * pad;
-        let flip = if self.invert { 255 * STEPS_PER_LEVEL as u16 } else { 0 };
+        let flip = if self.is_dark { 255 * STEPS_PER_LEVEL as u16 } else { 0 };
         for y in 0..self.small.height {
             let row = |i: usize| &grey[((y << self.shift) + i.min(n - 1)) * self.size.width..][..self.size.width];
             let out = &mut self.padded[(y + pad) * width..][..width];
@@ -241,7 +247,7 @@ impl DotFinder {
         }
     }
 
-    /// Keeps the peaks, strongest first, except those within half a pitch of a stronger one.
+    /// Keeps the peaks, strongest first, except those within [`SEPARATION_PITCH`] of a stronger one.
     fn keep_apart(&mut self) {
         let found = &self.found;
         // Contrasts are positive, so their bit patterns sort like their values. Ties keep reading order, so the result

@@ -6,7 +6,9 @@
 //! What counts: every `use`, and every path with `::` in code, public or private, followed through re-exports to the
 //! file that defines the item. A re-export of a child by its parent is an import as well: it is harmless as long as the
 //! child uses nothing that the parent itself defines. What does not count: `mod` declarations, comments, `#[cfg(test)]`
-//! modules, other crates (cargo allows no cycle of crates).
+//! modules. Between crates the manifests count, dev-dependencies included.
+
+#![allow(clippy::disallowed_methods)] // it reads the sources
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -106,6 +108,23 @@ fn no_crate_is_forgotten() {
         .filter_map(|p| Some(p.file_name()?.to_string_lossy().into_owned()))
         .collect();
     assert_eq!(names.iter().collect::<Vec<_>>(), ["slipbound", "slipbound-cli", "slipbound-lab", "slipbound-rig"]);
+}
+
+/// As drawn in ARCHITECTURE.md; dev-dependencies, of which cargo allows cycles, too.
+#[test]
+fn crates_depend_on_each_other_as_drawn() {
+    for (name, drawn) in [
+        ("slipbound", &[][..]),
+        ("slipbound-rig", &["slipbound"]),
+        ("slipbound-lab", &["slipbound"]),
+        ("slipbound-cli", &["slipbound", "slipbound-lab", "slipbound-rig"]),
+    ] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name).join("Cargo.toml");
+        let manifest = fs::read_to_string(path).expect("a manifest");
+        let own = manifest.lines().filter_map(|line| line.split(['.', ' ', '=']).next());
+        let own: BTreeSet<&str> = own.filter(|key| key.starts_with("slipbound")).collect();
+        assert_eq!(own.into_iter().collect::<Vec<_>>(), drawn, "{name}");
+    }
 }
 
 /// The cycles of a crate made of these files.

@@ -1,5 +1,7 @@
 //! Tables kept as text beside the tests: compared line by line, regenerated with REGENERATE=1.
 
+#![allow(clippy::disallowed_methods)] // kept tables are files
+
 use std::fs;
 use std::path::Path;
 
