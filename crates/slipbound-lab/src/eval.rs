@@ -9,6 +9,9 @@
 //! table.
 //! Definitions of every score: docs/eval.md.
 
+mod clip_record;
+pub mod clip_verdict;
+pub mod clip_watch;
 pub mod clips;
 pub mod coverage;
 pub mod custom_detector;

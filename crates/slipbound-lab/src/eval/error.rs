@@ -2,7 +2,7 @@
 
 use slipbound::image::ImageError;
 use slipbound::monitor::RestError;
-use slipbound::port::SourceError;
+use slipbound::port::{SourceError, SourceErrorKind};
 use slipbound::setting::SettingError;
 use std::io;
 use std::path::PathBuf;
@@ -30,6 +30,13 @@ pub enum EvalError {
         /// What was expected and got.
         problem: String,
     },
+}
+
+impl EvalError {
+    /// An error of another kind, with its own message.
+    pub(super) fn other(problem: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Self {
+        EvalError::Source(SourceError::new(SourceErrorKind::Other, problem))
+    }
 }
 
 /// Why a folder cannot be used.

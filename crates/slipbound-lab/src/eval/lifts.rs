@@ -8,7 +8,10 @@
 //!
 //! The verdict uses only the frames: no name, no label, no opening of the gripper.
 
-use super::clips::{Clips, Latch, RestFrom, Seen, is_judged, judged, note_of_unjudged, object_of_name, other};
+use super::clip_record::note_of_unjudged;
+use super::clip_verdict::{Latch, judged};
+use super::clip_watch::{RestFrom, Seen, is_judged};
+use super::clips::Clips;
 use super::error::EvalError;
 use super::protocol::Protocol;
 use super::record::TrialRecord;
@@ -80,7 +83,7 @@ impl Lifts {
             return Ok(EvidenceSettings::default());
         }
         let all = self.evidence.get_or_init(|| self.evidence_of_all().map_err(|error| error.to_string()));
-        let all = all.as_ref().map_err(|text| other(text.clone()))?;
+        let all = all.as_ref().map_err(|text| EvalError::other(text.clone()))?;
         let known: Vec<Example<'_>> = (self.clips.names.iter().zip(all))
             .filter_map(|(clip, latch)| {
                 let label = self.clips.labels.get(clip)?;
@@ -89,7 +92,7 @@ impl Lifts {
             .collect();
         left_out_scale(&known, self.object(name)).ok_or_else(|| {
             let expected = "--refit: expected labels.csv with slipped and held clips of other objects";
-            other(format!("{expected} than that of {name}, got none"))
+            EvalError::other(format!("{expected} than that of {name}, got none"))
         })
     }
 
@@ -142,17 +145,7 @@ impl Protocol for Lifts {
         };
         let record = |(entry, seen): (&&'static Entry, &Vec<Seen>)| {
             let (score, first_alarm_frame, latch) = judged(entry, seen, &scale);
-            let record = TrialRecord {
-                number,
-                trial: name.clone(),
-                object: object_of_name(name).into(),
-                detector: entry.name.into(),
-                truth: self.clips.truth(name),
-                verdict: first_alarm_frame.is_some(),
-                score,
-                first_alarm_frame,
-                more: Default::default(),
-            };
+            let record = self.clips.record(number, entry, score, first_alarm_frame);
             match entry.is_ours() {
                 true => record
                     .with("relaxation", latch.relaxation)
@@ -240,5 +233,4 @@ pub fn row(name: &str, records: &[&TrialRecord]) -> Vec<Cell> {
 }
 
 #[cfg(test)]
-#[path = "lifts_tests.rs"]
 mod tests;

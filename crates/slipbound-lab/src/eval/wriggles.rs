@@ -9,7 +9,10 @@
 //! same time. A finger that cannot be judged is left to the other; a grasp of which neither can be judged is named and
 //! not counted.
 
-use super::clips::{Clips, RestFrom, Seen, judged, note_of_unjudged, object_of_name, other};
+use super::clip_record::note_of_unjudged;
+use super::clip_verdict::judged;
+use super::clip_watch::{RestFrom, Seen};
+use super::clips::Clips;
 use super::error::EvalError;
 use super::lifts::row;
 use super::protocol::Protocol;
@@ -67,8 +70,8 @@ impl Wriggles {
     fn all(&self, number: u64, detectors: &[&'static Entry]) -> Result<&[Judged], EvalError> {
         let all = self.seen.get_or_init(|| self.see_all(detectors));
         all.as_deref().map_err(|(failed, text)| match *failed as u64 == number {
-            true => other(text.clone()),
-            false => other(format!("the window is that of the shortest grasp: {text}")),
+            true => EvalError::other(text.clone()),
+            false => EvalError::other(format!("the window is that of the shortest grasp: {text}")),
         })
     }
 
@@ -123,10 +126,9 @@ fn grasp(
     detectors: &[&'static Entry],
     contact_by: usize,
 ) -> Result<Grasp, EvalError> {
-    let boxed = |error: std::io::Error| other(error);
     let mut videos = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(boxed)? {
-        let path = entry.map_err(boxed)?.path();
+    for entry in std::fs::read_dir(folder).map_err(EvalError::other)? {
+        let path = entry.map_err(EvalError::other)?.path();
         if path.extension().is_some_and(|extension| extension == "avi") {
             videos.push(path);
         }
@@ -189,7 +191,6 @@ impl Protocol for Wriggles {
 
     fn judge(&self, number: u64, detectors: &[&'static Entry]) -> Result<Vec<TrialRecord>, EvalError> {
         let grasps = self.all(number, detectors)?;
-        let name = &self.clips.names[number as usize];
         let grasp = match &grasps[number as usize] {
             Ok(grasp) => grasp,
             Err(problem) => return Ok(self.clips.unjudged(number, detectors, problem)),
@@ -207,20 +208,12 @@ impl Protocol for Wriggles {
             let fingers: Vec<_> = grasp.fingers.iter().filter_map(of_finger).collect();
             let score = fingers.iter().map(|finger| finger.0).reduce(f64::max).unwrap_or(0.0);
             let first_alarm_frame = fingers.iter().filter_map(|finger| finger.1).min();
-            let record = TrialRecord {
-                number,
-                trial: name.clone(),
-                object: object_of_name(name).into(),
-                detector: entry.name.into(),
-                truth: self.clips.truth(name),
-                verdict: first_alarm_frame.is_some(),
-                score,
-                first_alarm_frame,
-                more: Default::default(),
-            }
-            .with("first_state_alarm_frame", fingers.iter().filter_map(|finger| finger.2).min())
-            .with("window_frames", window_count as u64)
-            .with("window_from_frame", grasp.from.map(|from| from as u64));
+            let record = self
+                .clips
+                .record(number, entry, score, first_alarm_frame)
+                .with("first_state_alarm_frame", fingers.iter().filter_map(|finger| finger.2).min())
+                .with("window_frames", window_count as u64)
+                .with("window_from_frame", grasp.from.map(|from| from as u64));
             match grasp.unjudged_count {
                 0 => record,
                 count => record.with(UNJUDGED_VIDEOS, count as u64),
