@@ -80,7 +80,8 @@ pub struct Clips {
 
 impl Clips {
     /// Reads a folder: each folder in it is a clip, to be read by `open`. The first column of the optional `labels.csv`
-    /// is the name of the clip; it also has columns `object` and `slip`.
+    /// is the name of the clip; it also has columns `object` and `slip`. A clip may be without a label, but no label
+    /// without its clip, or twice.
     pub fn open(folder: &Path, open: OpenSource) -> Result<Self, ClipsError> {
         let path = || folder.to_owned();
         let entries = fs::read_dir(folder).map_err(|source| ClipsError::Folder { path: path(), source })?;
@@ -101,7 +102,7 @@ impl Clips {
             true => {
                 let text = fs::read_to_string(&file);
                 let text = text.map_err(|source| ClipsError::Read { path: file.clone(), source })?;
-                labels(&text).map_err(|problem| ClipsError::Labels { path: file, problem })?
+                labels(&text, &names).map_err(|problem| ClipsError::Labels { path: file, problem })?
             }
             false => BTreeMap::new(),
         };
@@ -185,24 +186,40 @@ pub fn object_of_name(name: &str) -> &str {
     name
 }
 
-fn labels(text: &str) -> Result<BTreeMap<String, Label>, String> {
-    let mut lines = text.lines().filter(|line| !line.trim().is_empty());
-    let columns: Vec<&str> = lines.next().unwrap_or_default().split(',').map(str::trim).collect();
+/// The labels in the text of labels.csv, of clips among `names`. The error is what was expected in which line, and got.
+fn labels(text: &str, names: &[String]) -> Result<BTreeMap<String, Label>, String> {
+    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
+    let header = lines.next().map_or("", |(_, line)| line);
+    let columns: Vec<&str> = header.split(',').map(str::trim).collect();
     let place = |name: &str| {
         let found = columns.iter().position(|column| *column == name);
         found.ok_or_else(|| format!("expected a column {name}, got {}", columns.join(", ")))
     };
     let (object, slip) = (place("object")?, place("slip")?);
     let mut labels = BTreeMap::new();
-    for line in lines {
-        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
-        let slips = match cells.get(slip) {
-            Some(&"1") => true,
-            Some(&"0") => false,
-            other => return Err(format!("slip: expected 0 or 1, got {other:?} in `{line}`")),
+    let mut line_of: BTreeMap<&str, u64> = BTreeMap::new();
+    for (number, line) in lines {
+        let refuse = |expected: &str, got: &str| {
+            let got = if got.is_empty() { "none" } else { got };
+            Err(format!("line {number}: expected {expected}, got {got}"))
         };
-        let object = cells.get(object).copied().unwrap_or_default().to_owned();
-        labels.insert(cells[0].to_owned(), Label { object, slips });
+        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+        if cells.len() != columns.len() {
+            return refuse(&format!("{} cells, as in the header", columns.len()), &cells.len().to_string());
+        }
+        let clip = cells[0];
+        if !names.iter().any(|name| name == clip) {
+            return refuse("the name of a clip in the folder", clip);
+        }
+        if let Some(before) = line_of.insert(clip, number) {
+            return refuse("each clip once", &format!("{clip} again, as in line {before}"));
+        }
+        let slips = match cells[slip] {
+            "1" => true,
+            "0" => false,
+            other => return refuse("slip 0 or 1", other),
+        };
+        labels.insert(clip.to_owned(), Label { object: cells[object].to_owned(), slips });
     }
     Ok(labels)
 }
@@ -247,12 +264,37 @@ mod tests {
     }
 
     #[test]
+    fn labels_that_cannot_be_meant_are_refused_by_file_and_line() {
+        let root = tempfile::tempdir().expect("a folder");
+        ["a_1", "b_1"].iter().for_each(|name| fs::create_dir(root.path().join(name)).expect("a folder"));
+        let refuses: OpenSource = |_| Err(SourceError::new(SourceErrorKind::Other, "no clip"));
+        let refused = |rows: &str| {
+            fs::write(root.path().join("labels.csv"), format!("clip,object,slip\n{rows}")).expect("written");
+            let error = Clips::open(root.path(), refuses).map(drop).err().map(|error| error.to_string());
+            error.map(|text| text.replace(&format!("{}/", root.path().display()), ""))
+        };
+        assert_eq!(refused("a_1,a,1\n\nb_1,b,0\n"), None);
+        assert_eq!(refused("b_1,b,0\n"), None, "a clip without a label has no truth");
+        for (rows, problem) in [
+            ("a_1,a,yes\n", "line 2: expected slip 0 or 1, got yes"),
+            ("a_1,a,\n", "line 2: expected slip 0 or 1, got none"),
+            (",b,0\n", "line 2: expected the name of a clip in the folder, got none"),
+            ("b_1,b,0\n\na_1,1\n", "line 4: expected 3 cells, as in the header, got 2"),
+            ("a_1,cup, red,1\n", "line 2: expected 3 cells, as in the header, got 4"),
+            ("a_1,a,1\nb_1,b,0\na_1,a,0\n", "line 4: expected each clip once, got a_1 again, as in line 2"),
+            ("a_1,a,1\nb_2,b,0\n", "line 3: expected the name of a clip in the folder, got b_2"),
+        ] {
+            assert_eq!(refused(rows).as_deref(), Some(format!("labels.csv: {problem}").as_str()), "{rows}");
+        }
+    }
+
+    #[test]
     fn labels_are_found_by_the_names_of_their_columns() {
-        let read = labels("clip,object,opening,slip\na_1,cup,3,1\n\nb_2,pen,4,0\n").expect("labels");
+        let names = ["a_1", "b_2"].map(String::from);
+        let read = labels("clip,object,opening,slip\na_1,cup,3,1\n\nb_2,pen,4,0\n", &names).expect("labels");
         assert_eq!(read["a_1"], Label { object: "cup".into(), slips: true });
         assert!(!read["b_2"].slips);
-        let error = labels("clip,slip\na,1\n").expect_err("no objects");
+        let error = labels("clip,slip\na_1,1\n", &names).expect_err("no objects");
         assert_eq!(error, "expected a column object, got clip, slip");
-        assert!(labels("clip,object,slip\na,b,yes\n").is_err());
     }
 }
