@@ -32,6 +32,7 @@ pub mod statistics;
 mod sweep;
 pub mod table;
 pub mod table1;
+mod trial_seed;
 pub mod unseen;
 pub mod watch;
 pub mod wriggles;

@@ -4,7 +4,6 @@ use super::ground_truth::{GroundTruth, kind_of_motion};
 use super::record::TrialRecord;
 use super::statistics::quantile;
 use super::watch::{Seen, Watched};
-use crate::random::Random;
 use crate::rivals::Entry;
 use crate::world::FRAME_RATE_HZ;
 use slipbound::monitor::{SlipKind, SlipState};
@@ -31,18 +30,6 @@ pub const SCORE_BELOW: &str = "score_below_f_0.2";
 /// Key of the median stated error of the margin over the scored frames: trials with a large one could be left
 /// undecided.
 pub const MARGIN_SD: &str = "margin_sd";
-
-/// The random stream of a trial of an evaluation. Streams of the training split are drawn from their seeds directly,
-/// these with one more draw, so no seed given here repeats one of those. The trials that fits take from a protocol
-/// itself use a seed that [`simulated`](super::simulated) refuses.
-pub fn stream(seed: u64, number: u64) -> Random {
-    Random::of(Random::of(seed, 0xE7A1).next_u64(), number)
-}
-
-/// A seed for camera and noise of a trial.
-pub fn camera_seed(random: &mut Random) -> u64 {
-    random.next_u64() >> 16
-}
 
 /// The alarm compared with the ground truth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,12 +8,12 @@
 //! An episode is a trial, so an interrupted sweep can be continued; 120 of them are two hours.
 
 use super::error::EvalError;
-use super::outcome::{camera_seed, stream};
 use super::protocol::Protocol;
 use super::record::TrialRecord;
 use super::statistics::{Estimated, rate_per_h, share};
 use super::table::{Cell, Table};
-use super::watch::{Onlooker, Restarts, Seen, Watch, Watched, watch};
+use super::trial_seed::{camera_seed, stream};
+use super::watch::{Onlooker, Restarts, Seen, Watch, Watched, show, watch};
 use crate::contact::{Drive, Leg, Path};
 use crate::objects::OBJECTS;
 use crate::random::Random;
@@ -276,12 +276,11 @@ impl Protocol for Quiet {
     }
 
     fn settings(&self) -> Vec<(String, String)> {
-        vec![("restarts".into(), "rivals".into()), ("episode_frames".into(), FRAMES_COUNT.to_string())]
+        vec![Restarts::Rivals.setting(), ("episode_frames".into(), FRAMES_COUNT.to_string())]
     }
 
     fn show(&self, number: u64, detector: &'static Entry, onlooker: &mut Onlooker<'_>) -> Result<(), EvalError> {
-        let (_, what) = self.watch_of(number)?;
-        watch(&what, &[detector], Some((detector.name, onlooker))).map(drop)
+        show(&self.watch_of(number)?.1, detector, onlooker)
     }
 }
 

@@ -6,12 +6,13 @@
 use super::coverage;
 use super::digest::Digest;
 use super::error::EvalError;
-use super::outcome::{ScoredTrial, camera_seed, record, stream};
+use super::outcome::{ScoredTrial, record};
 use super::protocol::Protocol;
 use super::ramp_tables;
 use super::record::TrialRecord;
 use super::table::Table;
-use super::watch::{Onlooker, Restarts, Watch, Watched, watch};
+use super::trial_seed::{camera_seed, stream};
+use super::watch::{Onlooker, Restarts, Watch, Watched, show, watch};
 use crate::objects::OBJECTS;
 use crate::rivals::{DETECTORS, Entry};
 use crate::scenes::Trial;
@@ -225,7 +226,7 @@ impl Protocol for Ramps {
     }
 
     fn settings(&self) -> Vec<(String, String)> {
-        let mut settings = vec![("restarts".into(), "rivals".into())];
+        let mut settings = vec![Restarts::Rivals.setting()];
         if self.left_out.is_some() {
             settings.push(("estimates".into(), "each object by trees fitted without it".into()));
             settings.push(("trees".into(), self.tables.clone()));
@@ -234,7 +235,7 @@ impl Protocol for Ramps {
     }
 
     fn show(&self, number: u64, detector: &'static Entry, onlooker: &mut Onlooker<'_>) -> Result<(), EvalError> {
-        watch(&self.watch(self.trial(number)?), &[detector], Some((detector.name, onlooker))).map(drop)
+        show(&self.watch(self.trial(number)?), detector, onlooker)
     }
 }
 

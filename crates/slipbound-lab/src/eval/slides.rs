@@ -2,14 +2,15 @@
 //! gross slip.
 
 use super::error::EvalError;
-use super::outcome::{ScoredTrial, camera_seed, left_out_note, never_slides, record, stream};
+use super::outcome::{ScoredTrial, left_out_note, never_slides, record};
 use super::protocol::Protocol;
 use super::ramp_tables::gross_row;
 use super::ramps::MU;
 use super::record::TrialRecord;
 use super::statistics::{quantile, share};
 use super::table::{Cell, Table};
-use super::watch::{Onlooker, Restarts, Watch, watch};
+use super::trial_seed::{camera_seed, stream};
+use super::watch::{Onlooker, Restarts, Watch, show, watch};
 use crate::contact::{Drive, Leg, Path};
 use crate::objects::OBJECTS;
 use crate::rivals::{DETECTORS, Entry};
@@ -226,12 +227,11 @@ impl Protocol for Slides {
     }
 
     fn settings(&self) -> Vec<(String, String)> {
-        vec![("restarts".into(), "rivals".into())]
+        vec![Restarts::Rivals.setting()]
     }
 
     fn show(&self, number: u64, detector: &'static Entry, onlooker: &mut Onlooker<'_>) -> Result<(), EvalError> {
-        let (_, what) = self.watch_of(number)?;
-        watch(&what, &[detector], Some((detector.name, onlooker))).map(drop)
+        show(&self.watch_of(number)?.1, detector, onlooker)
     }
 }
 

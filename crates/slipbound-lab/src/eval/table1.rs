@@ -5,12 +5,13 @@
 //! detector restarts at the last frame before the load, as the paper takes its reference once the object is held.
 
 use super::error::EvalError;
-use super::outcome::{Outcome, ScoredTrial, camera_seed, left_out_note, never_slides, record};
+use super::outcome::{Outcome, ScoredTrial, left_out_note, never_slides, record};
 use super::protocol::Protocol;
 use super::record::TrialRecord;
 use super::statistics::{auc, quantile, share};
 use super::table::{Cell, Table};
-use super::watch::{Onlooker, Restarts, Watch, watch};
+use super::trial_seed::camera_seed;
+use super::watch::{Onlooker, Restarts, Watch, show, watch};
 use crate::objects::OBJECTS;
 use crate::random::Random;
 use crate::rivals::{DETECTORS, Entry};
@@ -216,11 +217,11 @@ impl Protocol for Table1 {
     }
 
     fn settings(&self) -> Vec<(String, String)> {
-        vec![("restarts".into(), "all".into())]
+        vec![Restarts::All.setting()]
     }
 
     fn show(&self, number: u64, detector: &'static Entry, onlooker: &mut Onlooker<'_>) -> Result<(), EvalError> {
-        watch(&self.watch_of(number).1, &[detector], Some((detector.name, onlooker))).map(drop)
+        show(&self.watch_of(number).1, detector, onlooker)
     }
 }
 

@@ -1,13 +1,13 @@
 //! Ramps under physics that nothing was tuned to, and with wrong values of grip force and stiffness.
 
 use super::error::EvalError;
-use super::outcome::stream;
 use super::protocol::Protocol;
 use super::ramp_tables;
 use super::ramps::{Draw, draw, records};
 use super::record::TrialRecord;
 use super::table::Table;
-use super::watch::{Onlooker, Reading, Restarts, Watch, watch};
+use super::trial_seed::stream;
+use super::watch::{Onlooker, Reading, Restarts, Watch, show, watch};
 use crate::contact::{Friction, Law};
 use crate::layer::{Creep, Gel, SoftObject};
 use crate::rivals::Entry;
@@ -155,12 +155,11 @@ impl Protocol for Unseen {
     }
 
     fn settings(&self) -> Vec<(String, String)> {
-        vec![("restarts".into(), "rivals".into())]
+        vec![Restarts::Rivals.setting()]
     }
 
     fn show(&self, number: u64, detector: &'static Entry, onlooker: &mut Onlooker<'_>) -> Result<(), EvalError> {
-        let (_, what) = self.watch_of(number)?;
-        watch(&what, &[detector], Some((detector.name, onlooker))).map(drop)
+        show(&self.watch_of(number)?.1, detector, onlooker)
     }
 }
 

@@ -58,6 +58,17 @@ pub enum Restarts {
     Rivals,
 }
 
+impl Restarts {
+    /// The setting of a sweep that says so.
+    pub(super) fn setting(self) -> (String, String) {
+        let which = match self {
+            Restarts::All => "all",
+            Restarts::Rivals => "rivals",
+        };
+        ("restarts".into(), which.into())
+    }
+}
+
 /// A trial and its variations.
 #[derive(Debug, Clone)]
 pub struct Watch {
@@ -235,6 +246,11 @@ pub fn watch(
     seen.sort_by_key(|(entry, _)| entries.iter().position(|other| other.name == entry.name));
     watched.seen = seen;
     Ok(watched)
+}
+
+/// Runs a trial with one detector, whose monitor the onlooker sees.
+pub(super) fn show(what: &Watch, detector: &'static Entry, onlooker: &mut Onlooker<'_>) -> Result<(), EvalError> {
+    watch(what, &[detector], Some((detector.name, onlooker))).map(drop)
 }
 
 /// Monitors for the inputs of the detectors, from the frames at rest.
