@@ -48,33 +48,66 @@ pub use table::{Cell, Sweep, Table};
 
 use slipbound::setting::SettingError;
 
-/// Names of the protocols with simulated trials.
-pub const SIMULATED: [&str; 5] = ["table1", "ramps", "quiet", "unseen", "slides"];
+/// A protocol with simulated trials.
+#[derive(Debug, Clone, Copy)]
+pub struct SimulatedProtocol {
+    /// Its name on the command line and in files.
+    pub name: &'static str,
+    /// The trials of a seed; how many, None for the protocol's own number.
+    new: fn(u64, Option<u64>) -> Box<dyn Protocol>,
+    /// Whether its trials of [`TUNING_SEED`] were used for tuning.
+    is_tuned_on: bool,
+}
 
-/// The seed of the fits, `fit::TRAINING_SEED`, and the protocols of which trials with this seed were used for tuning:
-/// the fits take episodes of `quiet` and of `slides`, and thresholds of rivals were set on `table1`. All other trials
-/// of the fits are drawn differently from those of `ramps` and `unseen`.
+/// The protocols with simulated trials, in the order in which they are listed.
+pub const SIMULATED: [SimulatedProtocol; 5] = [
+    SimulatedProtocol {
+        name: table1::Table1::NAME,
+        new: |seed, trials| Box::new(table1::Table1::new(seed, trials)),
+        is_tuned_on: true,
+    },
+    SimulatedProtocol {
+        name: ramps::Ramps::NAME,
+        new: |seed, trials| Box::new(ramps::Ramps::new(seed, trials)),
+        is_tuned_on: false,
+    },
+    SimulatedProtocol {
+        name: quiet::Quiet::NAME,
+        new: |seed, trials| Box::new(quiet::Quiet::new(seed, trials)),
+        is_tuned_on: true,
+    },
+    SimulatedProtocol {
+        name: unseen::Unseen::NAME,
+        new: |seed, trials| Box::new(unseen::Unseen::new(seed, trials)),
+        is_tuned_on: false,
+    },
+    SimulatedProtocol {
+        name: slides::Slides::NAME,
+        new: |seed, trials| Box::new(slides::Slides::new(seed, trials)),
+        is_tuned_on: true,
+    },
+];
+
+/// Names of the protocols that judge recorded clips, which need a folder of clips and their finger.
+pub const RECORDED: [&str; 2] = [lifts::Lifts::NAME, wriggles::Wriggles::NAME];
+
+/// The seed of the fits, `fit::TRAINING_SEED`: they take episodes of `quiet` and of `slides` with it, and thresholds of
+/// rivals were set on such trials of `table1`. All other trials of the fits are drawn differently from those of `ramps`
+/// and `unseen`.
 const TUNING_SEED: u64 = 1_000_000;
-const TUNED_ON: [&str; 3] = ["table1", "quiet", "slides"];
 
 /// A simulated protocol by name. `trials`: how many; None for the protocol's own number. Refuses a seed whose trials
 /// were used for tuning.
 pub fn simulated(name: &str, seed: u64, trials: Option<u64>) -> Result<Box<dyn Protocol>, SettingError> {
-    if seed == TUNING_SEED && TUNED_ON.contains(&name) {
+    let Some(protocol) = SIMULATED.iter().find(|protocol| protocol.name == name) else {
+        return Err(SettingError::none_of("protocol", name, &SIMULATED.map(|protocol| protocol.name)));
+    };
+    if seed == TUNING_SEED && protocol.is_tuned_on {
         return Err(SettingError {
             key: "seed".into(),
             expected: format!("another than {TUNING_SEED}, whose trials of {name} were tuned on"),
             got: seed.to_string(),
         });
     }
-    Ok(match name {
-        "table1" => Box::new(table1::Table1::new(seed, trials)),
-        "ramps" => Box::new(ramps::Ramps::new(seed, trials)),
-        "quiet" => Box::new(quiet::Quiet::new(seed, trials)),
-        "unseen" => Box::new(unseen::Unseen::new(seed, trials)),
-        "slides" => Box::new(slides::Slides::new(seed, trials)),
-        _ => {
-            return Err(SettingError::none_of("protocol", name, &SIMULATED));
-        }
-    })
+    Ok((protocol.new)(seed, trials))
 }

@@ -7,6 +7,7 @@ use super::inputs;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
+use clap::builder::PossibleValuesParser;
 use slipbound::monitor::EstimateTrees;
 use slipbound::sensor::Sensor;
 use slipbound_lab::eval::clips::Clips;
@@ -14,7 +15,7 @@ use slipbound_lab::eval::folder::{Shard, SweepFolder};
 use slipbound_lab::eval::lifts::Lifts;
 use slipbound_lab::eval::ramps::Ramps;
 use slipbound_lab::eval::wriggles::Wriggles;
-use slipbound_lab::eval::{Protocol, Sweep, SweepError, TrialRecord, simulated, table};
+use slipbound_lab::eval::{Protocol, RECORDED, SIMULATED, Sweep, SweepError, TrialRecord, simulated, table};
 use slipbound_lab::fit::kept;
 use slipbound_lab::rivals::{DETECTORS, Entry, named};
 use slipbound_rig::{sensors, source};
@@ -22,11 +23,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
-/// The protocols; the last of them joins folders.
-const PROTOCOLS: [&str; 8] = ["table1", "ramps", "quiet", "unseen", "slides", "lifts", "wriggles", "merge"];
-/// Those that simulate their trials, and those that judge.
-const SIMULATED: [&str; 5] = ["table1", "ramps", "quiet", "unseen", "slides"];
-const JUDGING: [&str; 7] = ["table1", "ramps", "quiet", "unseen", "slides", "lifts", "wriggles"];
+/// In place of a protocol: joins folders.
+const MERGE: &str = "merge";
 /// Largest number of trials of a sweep.
 const TRIALS_MOST: u64 = 10_000_000;
 
@@ -34,7 +32,7 @@ const TRIALS_MOST: u64 = 10_000_000;
 #[derive(Debug, clap::Args)]
 pub struct Eval {
     /// The protocol, or `merge` to join the folders of shards
-    #[arg(value_parser = PROTOCOLS)]
+    #[arg(value_parser = PossibleValuesParser::new(judging().into_iter().chain([MERGE])))]
     protocol: String,
     /// With `merge`: the folders of all shards
     #[arg(value_name = "FOLDER")]
@@ -70,6 +68,16 @@ pub struct Eval {
     /// The folder to write to: new, or one of the same sweep, which goes on [default: eval-PROTOCOL]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
+}
+
+/// Names of the protocols that simulate their trials.
+fn simulating() -> Vec<&'static str> {
+    SIMULATED.iter().map(|protocol| protocol.name).collect()
+}
+
+/// Names of the protocols: those that simulate their trials, then those that judge clips.
+fn judging() -> Vec<&'static str> {
+    simulating().into_iter().chain(RECORDED).collect()
 }
 
 fn finger(name: &str) -> Result<Sensor, Failure> {
@@ -113,7 +121,7 @@ impl Eval {
     pub fn run(&self) -> Result<Outcome, Failure> {
         self.refuse_without_effect()?;
         self.output.as_deref().map_or(Ok(()), inputs::refuse_stdout_folder)?;
-        if self.protocol == "merge" {
+        if self.protocol == MERGE {
             return self.merge();
         }
         if let Some(folder) = self.folders.first() {
@@ -141,12 +149,13 @@ impl Eval {
 
     /// Refuses options that mean nothing to this protocol.
     fn refuse_without_effect(&self) -> Result<(), Failure> {
+        let (simulating, judging) = (simulating(), judging());
         for (option, is_given, of) in [
-            ("--seed", self.seed.is_some(), &SIMULATED[..]),
-            ("--trials", self.trials.is_some(), &SIMULATED),
-            ("--detector", !self.detector.is_empty(), &JUDGING),
-            ("--shard", self.shard.is_some(), &JUDGING),
-            ("--jobs", self.jobs.is_some(), &JUDGING),
+            ("--seed", self.seed.is_some(), &simulating),
+            ("--trials", self.trials.is_some(), &simulating),
+            ("--detector", !self.detector.is_empty(), &judging),
+            ("--shard", self.shard.is_some(), &judging),
+            ("--jobs", self.jobs.is_some(), &judging),
         ] {
             refuse_elsewhere(option, is_given, of, &self.protocol)?;
         }
@@ -161,19 +170,19 @@ impl Eval {
         refit: bool,
     ) -> Result<Box<dyn Protocol>, Failure> {
         for (option, is_given, of) in [
-            ("--refit", self.refit, &["lifts"][..]),
-            ("--data", self.data.is_some(), &["lifts", "wriggles"]),
-            ("--left-out", self.left_out.is_some(), &["ramps"]),
+            ("--refit", self.refit, &[Lifts::NAME][..]),
+            ("--data", self.data.is_some(), &RECORDED),
+            ("--left-out", self.left_out.is_some(), &[Ramps::NAME]),
         ] {
             refuse_elsewhere(option, is_given, of, name)?;
         }
         match name {
-            "lifts" => Ok(Box::new(Lifts::new(self.clips("gelsight-lift")?, finger("gelsight")?, refit))),
-            "wriggles" => {
+            Lifts::NAME => Ok(Box::new(Lifts::new(self.clips("gelsight-lift")?, finger("gelsight")?, refit))),
+            Wriggles::NAME => {
                 let clips = self.clips("gelsight-mini-wriggle")?;
                 Ok(Box::new(Wriggles::new(clips, finger("gelsight_mini_near")?, self.jobs())))
             }
-            "ramps" if self.left_out.is_some() => Ok(Box::new(self.left_out(Ramps::new(seed, trials))?)),
+            Ramps::NAME if self.left_out.is_some() => Ok(Box::new(self.left_out(Ramps::new(seed, trials))?)),
             _ => simulated(name, seed, trials).map_err(Failure::arguments),
         }
     }
@@ -182,7 +191,7 @@ impl Eval {
     /// must be fitted without the object, too: trees kept from another table are the same in all of them.
     fn left_out(&self, ramps: Ramps) -> Result<Ramps, Failure> {
         let is_alone = |entry: &&Entry| entry.is_ours() && !entry.inputs.has_force();
-        let alone = (self.protocol != "merge").then(|| self.detectors()).transpose()?;
+        let alone = (self.protocol != MERGE).then(|| self.detectors()).transpose()?;
         let alone = alone.and_then(|detectors| detectors.into_iter().find(is_alone));
         let mut known: Vec<(String, &str)> = Vec::new();
         ramps.left_out(|object| {
@@ -229,7 +238,7 @@ impl Eval {
     }
 
     fn detectors(&self) -> Result<Vec<&'static Entry>, Failure> {
-        let recorded = matches!(self.protocol.as_str(), "lifts" | "wriggles");
+        let recorded = RECORDED.contains(&self.protocol.as_str());
         if self.detector.is_empty() {
             return Ok(DETECTORS.iter().filter(|entry| !(recorded && entry.needs_force())).collect());
         }

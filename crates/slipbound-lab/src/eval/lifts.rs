@@ -68,6 +68,9 @@ fn left_out_scale(examples: &[Example<'_>], object: &str) -> Option<EvidenceSett
 }
 
 impl Lifts {
+    /// Its name on the command line and in files.
+    pub const NAME: &'static str = "lifts";
+
     /// The clips of a folder, from a finger.
     pub fn new(clips: Clips, sensor: Sensor, refit: bool) -> Self {
         Lifts { clips, sensor, refit, evidence: OnceLock::new() }
@@ -125,7 +128,7 @@ impl Lifts {
 
 impl Protocol for Lifts {
     fn name(&self) -> &'static str {
-        "lifts"
+        Self::NAME
     }
 
     fn trials_count(&self) -> u64 {

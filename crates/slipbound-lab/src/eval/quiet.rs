@@ -133,6 +133,9 @@ pub struct Quiet {
 }
 
 impl Quiet {
+    /// Its name on the command line and in files.
+    pub const NAME: &'static str = "quiet";
+
     /// The episodes of a seed.
     pub fn new(seed: u64, trials: Option<u64>) -> Self {
         Quiet { seed, trials_count: trials.unwrap_or(TRIALS_COUNT) }
@@ -208,7 +211,7 @@ fn record(number: u64, trial: &Trial, script: &Script, watched: &Watched, entry:
 
 impl Protocol for Quiet {
     fn name(&self) -> &'static str {
-        "quiet"
+        Self::NAME
     }
 
     fn trials_count(&self) -> u64 {

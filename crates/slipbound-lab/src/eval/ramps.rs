@@ -134,6 +134,9 @@ pub struct Ramps {
 }
 
 impl Ramps {
+    /// Its name on the command line and in files.
+    pub const NAME: &'static str = "ramps";
+
     /// The ramps of a seed.
     pub fn new(seed: u64, trials: Option<u64>) -> Self {
         Ramps { seed, trials_count: trials.unwrap_or(TRIALS_COUNT), left_out: None, tables: String::new() }
@@ -169,7 +172,7 @@ impl Ramps {
 
 impl Protocol for Ramps {
     fn name(&self) -> &'static str {
-        "ramps"
+        Self::NAME
     }
 
     fn trials_count(&self) -> u64 {

@@ -90,6 +90,9 @@ fn path(trial: &Trial, speed_mm_per_s: f64, direction_rad: f64) -> Result<LoadPr
 }
 
 impl Slides {
+    /// Its name on the command line and in files.
+    pub const NAME: &'static str = "slides";
+
     /// The slides of a seed.
     pub fn new(seed: u64, trials: Option<u64>) -> Self {
         Slides { seed, trials_count: trials.unwrap_or(TRIALS_COUNT) }
@@ -131,7 +134,7 @@ impl Slides {
 
 impl Protocol for Slides {
     fn name(&self) -> &'static str {
-        "slides"
+        Self::NAME
     }
 
     fn trials_count(&self) -> u64 {

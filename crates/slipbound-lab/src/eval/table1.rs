@@ -100,6 +100,9 @@ pub struct Table1 {
 }
 
 impl Table1 {
+    /// Its name on the command line and in files.
+    pub const NAME: &'static str = "table1";
+
     /// The trials of a seed; fewer `trials` are spread over objects, forces and kinds.
     pub fn new(seed: u64, trials: Option<u64>) -> Self {
         let objects = 0..OBJECTS_COUNT as usize;
@@ -122,7 +125,7 @@ impl Table1 {
 
 impl Protocol for Table1 {
     fn name(&self) -> &'static str {
-        "table1"
+        Self::NAME
     }
 
     fn trials_count(&self) -> u64 {

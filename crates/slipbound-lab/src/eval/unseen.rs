@@ -104,6 +104,9 @@ pub struct Unseen {
 }
 
 impl Unseen {
+    /// Its name on the command line and in files.
+    pub const NAME: &'static str = "unseen";
+
     /// The trials of a seed.
     pub fn new(seed: u64, trials: Option<u64>) -> Self {
         Unseen { seed, trials_count: trials.unwrap_or(TRIALS_COUNT) }
@@ -127,7 +130,7 @@ impl Unseen {
 
 impl Protocol for Unseen {
     fn name(&self) -> &'static str {
-        "unseen"
+        Self::NAME
     }
 
     fn trials_count(&self) -> u64 {

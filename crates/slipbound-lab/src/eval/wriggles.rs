@@ -61,6 +61,9 @@ struct Grasp {
 }
 
 impl Wriggles {
+    /// Its name on the command line and in files.
+    pub const NAME: &'static str = "wriggles";
+
     /// The grasps of a folder, from a finger; this many are judged at a time.
     pub fn new(clips: Clips, sensor: Sensor, jobs: usize) -> Self {
         Wriggles { clips, sensor, jobs, seen: OnceLock::new() }
@@ -178,7 +181,7 @@ fn window_count<'a>(grasps: impl Iterator<Item = &'a Grasp>) -> usize {
 
 impl Protocol for Wriggles {
     fn name(&self) -> &'static str {
-        "wriggles"
+        Self::NAME
     }
 
     fn trials_count(&self) -> u64 {
