@@ -10,6 +10,9 @@ pub use jaws::{JawCommand, JawDrive, JawSettings};
 pub use truth::PlantTruth;
 pub use wrist::WristDrive;
 
+/// Standard acceleration of gravity, m/s2 (ISO 80000-3): the weight of an object in N over its mass in kg.
+pub const GRAVITY_M_PER_S2: f64 = 9.80665;
+
 /// The object between the jaws: the simulated world, or a rigid block for testing a driver. The simulated gripper and
 /// wrist (the simulator's own, or an emulator with the real wire protocol) press and move it, then advance the time.
 pub trait Plant {

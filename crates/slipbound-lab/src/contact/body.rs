@@ -332,7 +332,7 @@ pub(crate) struct Motion {
 }
 
 impl Motion {
-    pub const ZERO: Motion = Motion { shift: Complex64::new(0.0, 0.0), turn: 0.0 };
+    pub const ZERO: Motion = Motion { shift: Complex64::ZERO, turn: 0.0 };
 
     /// B dd at a lever: translation and, to first order, rotation.
     #[inline(always)]

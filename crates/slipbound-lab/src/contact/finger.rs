@@ -13,8 +13,6 @@ use num_complex::Complex64;
 use slipbound::setting::SettingError;
 use std::sync::Arc;
 
-const ZERO: Complex64 = Complex64::new(0.0, 0.0);
-
 /// Largest travel of the object over the gel in one increment of a step, in mm. The force is then within 0.7 % of the
 /// limit of fine steps; ordinary scenes stay below this in whole steps.
 const MOST_WAY_MM: f64 = 0.06;
@@ -31,7 +29,7 @@ pub(super) struct Field {
 
 impl Field {
     fn new(cells: usize) -> Self {
-        Field { shift: vec![ZERO; cells], depth: vec![0.0; cells] }
+        Field { shift: vec![Complex64::ZERO; cells], depth: vec![0.0; cells] }
     }
 }
 
@@ -152,24 +150,24 @@ impl Finger {
             gap: vec![0.0; cells],
             pressure: vec![0.0; cells],
             pressure_before: vec![0.0; cells],
-            traction: vec![ZERO; cells],
-            traction_before: vec![ZERO; cells],
-            slope: vec![ZERO; cells],
-            push: vec![ZERO; cells],
-            on_profile: ZERO,
+            traction: vec![Complex64::ZERO; cells],
+            traction_before: vec![Complex64::ZERO; cells],
+            slope: vec![Complex64::ZERO; cells],
+            push: vec![Complex64::ZERO; cells],
+            on_profile: Complex64::ZERO,
             bound: vec![0.0; cells],
             compliance: vec![0.0; if settings.friction.yield_mm > 0.0 { cells } else { 0 }],
-            lever: vec![ZERO; cells],
-            target: vec![ZERO; cells],
-            anchor: vec![ZERO; cells],
+            lever: vec![Complex64::ZERO; cells],
+            target: vec![Complex64::ZERO; cells],
+            anchor: vec![Complex64::ZERO; cells],
             of_pressure: Field::new(cells),
             of_traction: Field::new(cells),
-            relative: vec![ZERO; cells],
+            relative: vec![Complex64::ZERO; cells],
             gel: Field::new(cells),
             contact: vec![false; cells],
             stick: vec![false; cells],
-            slip_step: vec![ZERO; cells],
-            slip: vec![ZERO; cells],
+            slip_step: vec![Complex64::ZERO; cells],
+            slip: vec![Complex64::ZERO; cells],
             slipped: vec![0.0; cells],
         })
     }

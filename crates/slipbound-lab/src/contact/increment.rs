@@ -12,8 +12,6 @@ use super::truth::LINEAR_STRAIN;
 use num_complex::Complex64;
 use slipbound::plane::Vec2;
 
-const ZERO: Complex64 = Complex64::new(0.0, 0.0);
-
 /// Margin in cells around the last contact in which the next contact is searched for first.
 const GROWTH_CELLS: usize = 3;
 
@@ -135,7 +133,7 @@ impl Finger {
                     &mut field.depth,
                 ),
                 None => {
-                    field.shift.fill(ZERO);
+                    field.shift.fill(Complex64::ZERO);
                     field.depth.fill(0.0);
                 }
             }
@@ -161,7 +159,7 @@ impl Finger {
     /// and slip.
     fn bound_friction(&mut self, command: &Command, increment: Increment) {
         self.cells.clear();
-        self.on_profile = ZERO;
+        self.on_profile = Complex64::ZERO;
         let friction = self.settings.friction;
         let place = self.place(command);
         let mut most = 0.0f64;
@@ -170,10 +168,14 @@ impl Finger {
             if self.contact[i] {
                 if increment.first || !touched {
                     self.stick[i] = true;
-                    self.slip_step[i] = ZERO;
+                    self.slip_step[i] = Complex64::ZERO;
                 }
                 self.cells.push(i as u32);
-                let used = if self.bound[i] > 0.0 { (self.traction[i] - self.push[i]) / self.bound[i] } else { ZERO };
+                let used = if self.bound[i] > 0.0 {
+                    (self.traction[i] - self.push[i]) / self.bound[i]
+                } else {
+                    Complex64::ZERO
+                };
                 let (centre, skin) = place.of(self.at_rest[i] + self.relative[i]);
                 let slope = self.shape.slope(centre, skin);
                 let by_profile = place.back.conj() * complex(slope.profile);
@@ -185,12 +187,12 @@ impl Finger {
                 most = most.max(self.bound[i]);
             } else {
                 self.bound[i] = 0.0;
-                self.slope[i] = ZERO;
-                self.push[i] = ZERO;
-                self.traction[i] = ZERO;
-                self.traction_before[i] = ZERO;
-                self.slip[i] = ZERO;
-                self.slip_step[i] = ZERO;
+                self.slope[i] = Complex64::ZERO;
+                self.push[i] = Complex64::ZERO;
+                self.traction[i] = Complex64::ZERO;
+                self.traction_before[i] = Complex64::ZERO;
+                self.slip[i] = Complex64::ZERO;
+                self.slip_step[i] = Complex64::ZERO;
                 self.slipped[i] = 0.0;
                 self.stick[i] = false;
             }
@@ -274,7 +276,7 @@ impl Finger {
         let grid = self.settings.grid;
         let (stride, whole) = (grid.width_cells, grid.whole());
         let Some(data) = self.window else {
-            self.of_traction.shift.fill(ZERO);
+            self.of_traction.shift.fill(Complex64::ZERO);
             self.of_traction.depth.fill(0.0);
             self.relax(None, last);
             return;
@@ -303,7 +305,7 @@ impl Finger {
             return; // creep, and the gel's visible displacement, are those of the whole step
         }
         // The gel's own immediate displacement; `target` and `gap` serve as scratch until the next step.
-        gel.shift.fill(ZERO);
+        gel.shift.fill(Complex64::ZERO);
         gel.depth.fill(0.0);
         if let Some(area) = area {
             let stride = self.settings.grid.width_cells;

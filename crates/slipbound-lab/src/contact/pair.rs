@@ -23,8 +23,6 @@ use num_complex::Complex64;
 use slipbound::plane::Vec2;
 use slipbound::setting::SettingError;
 
-const ZERO: Complex64 = Complex64::new(0.0, 0.0);
-
 /// Two fingers that hold one object; 0 is the left one.
 #[derive(Debug, Clone)]
 pub struct FingerPair {
@@ -102,13 +100,13 @@ impl FingerPair {
             tangential: Tangential::new(2 * cells),
             joint: Joint {
                 cells: Vec::with_capacity(2 * cells),
-                push: vec![ZERO; 2 * cells],
+                push: vec![Complex64::ZERO; 2 * cells],
                 bound: vec![0.0; 2 * cells],
-                target: vec![ZERO; 2 * cells],
-                lever: vec![ZERO; 2 * cells],
+                target: vec![Complex64::ZERO; 2 * cells],
+                lever: vec![Complex64::ZERO; 2 * cells],
                 compliance: vec![0.0; if is_compliant { 2 * cells } else { 0 }],
-                traction: vec![ZERO; 2 * cells],
-                right: vec![ZERO; cells],
+                traction: vec![Complex64::ZERO; 2 * cells],
+                right: vec![Complex64::ZERO; cells],
             },
             truth: Truth::default(),
             fingers,

@@ -94,7 +94,7 @@ impl Finger {
         let (column, fx) = place(rest_mm.x, half.x, grid.width_cells);
         let (row, fy) = place(rest_mm.y, half.y, grid.height_cells);
         let corner = row * grid.width_cells + column;
-        let (mut shift, mut depth_mm) = (Complex64::new(0.0, 0.0), 0.0);
+        let (mut shift, mut depth_mm) = (Complex64::ZERO, 0.0);
         for (cell, share) in [
             (corner, (1.0 - fx) * (1.0 - fy)),
             (corner + 1, fx * (1.0 - fy)),

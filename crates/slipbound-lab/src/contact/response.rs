@@ -11,8 +11,6 @@ use std::sync::Arc;
 /// Number of aliases on either side, in each direction, that are added to the wave that a grid can resolve.
 const ALIASES: i32 = 3;
 
-const ZERO: Complex64 = Complex64::new(0.0, 0.0);
-
 /// Displacement at one offset from a cell that carries unit traction, in mm/MPa.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Kernel {
@@ -145,7 +143,7 @@ impl Response {
     /// From a kernel in space, given for offsets of less than half the padded size.
     pub fn of_kernel([nx, ny]: [usize; 2], most_cells: [usize; 2], kernel: impl Fn(isize, isize) -> Kernel) -> Self {
         let mut transform = Transform::new(nx, ny);
-        let mut fields = [(); 3].map(|()| vec![ZERO; nx * ny]);
+        let mut fields = [(); 3].map(|()| vec![Complex64::ZERO; nx * ny]);
         let [w, h] = most_cells.map(|most| most as isize);
         for dy in 1 - h..h {
             for dx in 1 - w..w {
@@ -208,7 +206,7 @@ impl Response {
                 }
                 lines
             });
-            let mut field = vec![ZERO; nx * ny];
+            let mut field = vec![Complex64::ZERO; nx * ny];
             let [first, second] = &mut lines;
             transform.vectors([first, second], whole, nx, &mut field);
             field
@@ -420,7 +418,7 @@ mod tests {
 
     fn on(region: Region, seed: u64) -> Fields {
         let (mut next, cells) = (noise(seed), GRID.cells_count());
-        let mut fields = Fields { pressure: vec![0.0; cells], traction: vec![ZERO; cells] };
+        let mut fields = Fields { pressure: vec![0.0; cells], traction: vec![Complex64::ZERO; cells] };
         for i in region.cells(GRID.width_cells) {
             fields.pressure[i] = next();
             fields.traction[i] = Complex64::new(next(), next());
@@ -430,8 +428,8 @@ mod tests {
 
     fn answer(response: &mut Response, area: Area, fields: &Fields) -> (Vec<Complex64>, Vec<f64>) {
         let cells = GRID.cells_count();
-        let (mut shift, mut depth) = (vec![ZERO; cells], vec![0.0; cells]);
-        let (mut more, mut deeper) = (vec![ZERO; cells], vec![0.0; cells]);
+        let (mut shift, mut depth) = (vec![Complex64::ZERO; cells], vec![0.0; cells]);
+        let (mut more, mut deeper) = (vec![Complex64::ZERO; cells], vec![0.0; cells]);
         response.all_of_pressure(area, GRID.width_cells, &fields.pressure, &mut shift, &mut depth);
         response.all_of_traction(area, GRID.width_cells, &fields.traction, &mut more, &mut deeper);
         for i in 0..cells {
@@ -457,7 +455,7 @@ mod tests {
         let fields = on(data, 11);
         let (shift, depth) = answer(&mut response, Area { window: GRID.whole(), data }, &fields);
         for cell in [0, 5, 90, 177, 254, 339] {
-            let (mut u, mut w) = (ZERO, 0.0);
+            let (mut u, mut w) = (Complex64::ZERO, 0.0);
             for other in 0..GRID.cells_count() {
                 let dx = (cell % 20) as isize - (other % 20) as isize;
                 let dy = (cell / 20) as isize - (other / 20) as isize;
@@ -479,7 +477,7 @@ mod tests {
         let fields = on(window, 3);
         let (shift, depth) = answer(&mut whole, Area { window: GRID.whole(), data: window }, &fields);
         let (near, deep) = answer(&mut cut, Area::all_of(window), &fields);
-        let (mut press, mut push) = (vec![0.0; GRID.cells_count()], vec![ZERO; GRID.cells_count()]);
+        let (mut press, mut push) = (vec![0.0; GRID.cells_count()], vec![Complex64::ZERO; GRID.cells_count()]);
         let pressed = answer(&mut cut, Area::all_of(window), &Fields { traction: push.clone(), ..on(window, 3) });
         cut.depth_of_pressure(window, 20, &fields.pressure, &mut press);
         cut.shift_of_traction(window, 20, &fields.traction, &mut push);

@@ -24,8 +24,6 @@ use super::response::Response;
 use num_complex::Complex64;
 use product::dot;
 
-const ZERO: Complex64 = Complex64::new(0.0, 0.0);
-
 /// Share of a step's descent that its rigid motion may leave unused: 1e-2 costs up to twice the iterations, 1e-6 saves
 /// none compared with 1e-4.
 const RIGID_TOLERANCE_FRACTION: f64 = 1e-4;
@@ -115,7 +113,11 @@ fn within(push: Complex64, bound: f64, q: Complex64) -> Complex64 {
 
 impl Tangential {
     pub fn new(cells: usize) -> Self {
-        Tangential { direction: vec![ZERO; cells], answer: vec![ZERO; cells], gradient: vec![ZERO; cells] }
+        Tangential {
+            direction: vec![Complex64::ZERO; cells],
+            answer: vec![Complex64::ZERO; cells],
+            gradient: vec![Complex64::ZERO; cells],
+        }
     }
 
     /// Solves; `traction` is the first guess on entry, zero outside the contact, and the solution on return.
@@ -138,7 +140,7 @@ impl Tangential {
         let (back, _) = self.yielding(surface, problem, traction, true);
         // For all cells: a surface uses the steps of its whole window, and some cells have left the contact since the
         // last solution.
-        self.direction.fill(ZERO);
+        self.direction.fill(Complex64::ZERO);
         for &i in cells {
             let i = i as usize;
             self.gradient[i] = self.answer[i] + back.at(problem.lever[i]) - problem.target[i];

@@ -2,6 +2,7 @@
 
 use crate::contact::{Drive, Path};
 use slipbound::plane::Vec2;
+use slipbound::plant::GRAVITY_M_PER_S2;
 
 /// Grip, motion and load over time, from the first touch.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,7 +71,7 @@ pub enum Pull {
 }
 
 /// Acceleration of free fall in mm/s2.
-pub(crate) const GRAVITY_MM_PER_S2: f64 = 9_806.65;
+pub(crate) const GRAVITY_MM_PER_S2: f64 = 1e3 * GRAVITY_M_PER_S2;
 
 impl Pull {
     /// Load at a time in s since it began: in units of full slip (ramp) or N (weight).

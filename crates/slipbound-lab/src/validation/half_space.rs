@@ -66,10 +66,10 @@ impl Bench {
             })
             .collect();
         let target: Vec<Complex64> = lever.iter().map(|&at| displacement(at)).collect();
-        let mut traction = vec![Complex64::new(0.0, 0.0); count];
+        let mut traction = vec![Complex64::ZERO; count];
         // The theories do not include an in-plane push of the pressure, and neither does this case: traction is
         // friction.
-        let push = vec![Complex64::new(0.0, 0.0); count];
+        let push = vec![Complex64::ZERO; count];
         let problem = TangentialProblem {
             cells: &cells,
             push: &push,

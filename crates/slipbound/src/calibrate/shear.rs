@@ -18,12 +18,11 @@ pub use frames::{HangingFrame, displacement_sum_px, outermost, stationary_end, s
 
 use crate::monitor::SlipState;
 use crate::plane::Vec2;
+use crate::plant::GRAVITY_M_PER_S2;
 use crate::sensor::{Sensor, Shear};
 use error::{LEAST_SUM_PITCH, MOST_AT_BORDER, MOST_ERROR, MOST_SCATTER};
 use frames::{FEWEST_FRAMES, noise_px};
 
-/// Standard acceleration of gravity, m/s2.
-const GRAVITY_M_S2: f64 = 9.80665;
 /// Where the noise of the markers exceeds [`MOST_SCATTER`], the sum may scatter by this many times the noise from the
 /// differences of successive frames in which the mass is held, which a slow motion hardly raises.
 const NOISE_RATIO: f64 = 1.5;
@@ -98,7 +97,7 @@ pub fn shear_stiffness(
     if at_border_fraction > MOST_AT_BORDER {
         return Err(ShearError::Cut { at_border_fraction });
     }
-    let force_n = weight_g / 1000.0 * GRAVITY_M_S2 / f64::from(fingers_count.max(1));
+    let force_n = weight_g / 1000.0 * GRAVITY_M_PER_S2 / f64::from(fingers_count.max(1));
     let words = |[from, to]: [u64; 2]| format!("{from} to {to}");
     let shared = if fingers_count > 1 { format!(" shared by {fingers_count} fingers") } else { String::new() };
     Ok(Shear {

@@ -44,8 +44,8 @@ fn pull_on(solver: &mut Tangential, patch: Region, mass_kg: f64, stop: Stop) -> 
     let inertia = Inertia { mass_kg, gyration_radius_mm: 20.0, centre_of_mass_mm: Vec2::new(3.0, -2.0) };
     let body = Body { drive: Drive::Free(inertia), fingers_count: 1 };
     let (free, resistance) =
-        body.step((Pose::default(), Pose::default()), wrench, Motion::ZERO, 1.0 / 120.0, area, ZERO);
-    let push = vec![ZERO; count];
+        body.step((Pose::default(), Pose::default()), wrench, Motion::ZERO, 1.0 / 120.0, area, Complex64::ZERO);
+    let push = vec![Complex64::ZERO; count];
     let problem = TangentialProblem {
         cells: &cells,
         push: &push,
@@ -57,11 +57,11 @@ fn pull_on(solver: &mut Tangential, patch: Region, mass_kg: f64, stop: Stop) -> 
         stiffness_mpa_per_mm: gel.shear_modulus_mpa() / grid.cell_mm,
         stop,
     };
-    let mut traction = vec![ZERO; count];
+    let mut traction = vec![Complex64::ZERO; count];
     let solution =
         solver.solve(&mut OneSurface { response: &mut response, window: PATCH, stride }, &problem, &mut traction);
     // Recomputed from the tractions alone: A q + B W B^T q - w.
-    let mut shift = vec![ZERO; count];
+    let mut shift = vec![Complex64::ZERO; count];
     response.shift_of_traction(PATCH, stride, &traction, &mut shift);
     let back = resistance.expect("a body that gives way").retreat(solution.load);
     let (mut worst, mut sliding) = (0.0f64, 0);

@@ -4,10 +4,8 @@ use crate::run::info::RunInfo;
 use slipbound::control::Cycle;
 use slipbound::hand::HandVector;
 use slipbound::monitor::{SlipRule, SlipSettings};
-use slipbound::plant::PlantTruth;
+use slipbound::plant::{GRAVITY_M_PER_S2, PlantTruth};
 
-/// Standard gravity, m/s2 (ISO 80000-3).
-const GRAVITY_M_PER_S2: f64 = 9.80665;
 /// A wrist that has moved less than this, in mm or rad, has not moved.
 const MOVED: f64 = 1e-6;
 
