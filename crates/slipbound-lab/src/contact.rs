@@ -44,6 +44,6 @@ pub use settings::{Command, FingerSettings, GelEdge};
 pub use truth::{Displacement, Event, Events, GROSS_FRICTION_FRACTION, LINEAR_STRAIN, LoadRecord, Truth};
 
 pub(crate) use half_space::half_space_response;
-pub(crate) use normal::Normal;
+pub(crate) use normal::{Normal, NormalProblem};
 pub(crate) use response::Response;
 pub(crate) use tangential::{OneSurface, Tangential, TangentialProblem};

@@ -3,7 +3,7 @@
 use super::body::{Drive, Motion, Resistance, complex, length, plane};
 use super::finger::{Finger, GelApart, Increment};
 use super::grid::Region;
-use super::normal::Grip;
+use super::normal::{Grip, NormalProblem};
 use super::settings::Command;
 use super::strain::largest_gradient;
 use super::tangential::{OneSurface, TangentialProblem, TangentialSolution};
@@ -116,12 +116,14 @@ impl Finger {
     /// Pressure and its effects. The window around the last contact is tried first, then the whole grid.
     fn press(&mut self, grip: Grip) {
         let grid = self.settings.grid;
-        let (stride, stop, area) = (grid.width_cells, self.settings.normal_stop, grid.cell_area_mm2());
+        let (stride, stop) = (grid.width_cells, self.settings.normal_stop);
         let whole = grid.whole();
         let mut window = self.window.map_or(whole, |w| w.grown(&grid, GROWTH_CELLS));
         loop {
             let response = self.interface.for_window(window);
-            let pressed = self.normal.solve(response, window, stride, area, &self.gap, grip, stop, &mut self.pressure);
+            let problem =
+                NormalProblem { window, stride, cell_area_mm2: grid.cell_area_mm2(), gap: &self.gap, grip, stop };
+            let pressed = self.normal.solve(response, &problem, &mut self.pressure);
             let data = Region::around(&grid, |i| self.pressure[i] > 0.0);
             let field = &mut self.of_pressure;
             match data {

@@ -2,7 +2,7 @@
 
 use super::exact::sphere_on_layer_n;
 use super::row::Row;
-use crate::contact::{Grid, Grip, Normal, Region, Response, Stop};
+use crate::contact::{Grid, Grip, Normal, NormalProblem, Region, Response, Stop};
 use crate::layer::layer_compliance;
 
 /// Force at two depths against the series of Garcia and Garcia (2018).
@@ -25,16 +25,15 @@ pub fn sphere_on_layer() -> Vec<Row> {
         .map(|chi: f64| {
             let depth_mm = chi * chi * THICKNESS_MM * THICKNESS_MM / RADIUS_MM;
             let mut pressure = vec![0.0; grid.cells_count()];
-            let pressed = Normal::new(grid.cells_count()).solve(
-                &mut response,
+            let problem = NormalProblem {
                 window,
-                grid.width_cells,
-                grid.cell_area_mm2(),
-                &gap,
-                Grip::DepthMm(depth_mm),
-                Stop { tolerance_fraction: 1e-8, most_iterations_count: 500 },
-                &mut pressure,
-            );
+                stride: grid.width_cells,
+                cell_area_mm2: grid.cell_area_mm2(),
+                gap: &gap,
+                grip: Grip::DepthMm(depth_mm),
+                stop: Stop { tolerance_fraction: 1e-8, most_iterations_count: 500 },
+            };
+            let pressed = Normal::new(grid.cells_count()).solve(&mut response, &problem, &mut pressure);
             assert!(pressed.converged, "{pressed:?}");
             let force_n = pressure.iter().sum::<f64>() * grid.cell_area_mm2();
             let theory_n = sphere_on_layer_n(MODULUS_MPA, RADIUS_MM, THICKNESS_MM, depth_mm);

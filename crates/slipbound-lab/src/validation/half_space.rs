@@ -3,7 +3,7 @@
 use super::exact::SphereOnHalfSpace;
 use super::row::Row;
 use crate::contact::{
-    Grid, Grip, Normal, OneSurface, Response, Stop, Tangential, TangentialProblem, half_space_response,
+    Grid, Grip, Normal, NormalProblem, OneSurface, Response, Stop, Tangential, TangentialProblem, half_space_response,
 };
 use num_complex::Complex64;
 use std::f64::consts::PI;
@@ -36,16 +36,15 @@ impl Bench {
         let gap: Vec<f64> =
             (0..grid.cells_count()).map(|i| grid.centre_mm(i).length_squared() / (2.0 * sphere.radius_mm)).collect();
         let mut pressure = vec![0.0; grid.cells_count()];
-        let pressed = Normal::new(grid.cells_count()).solve(
-            &mut response,
-            grid.whole(),
-            SIDE_CELLS,
-            grid.cell_area_mm2(),
-            &gap,
-            Grip::ForceN(sphere.force_n),
-            Stop { tolerance_fraction: 1e-9, most_iterations_count: 500 },
-            &mut pressure,
-        );
+        let problem = NormalProblem {
+            window: grid.whole(),
+            stride: SIDE_CELLS,
+            cell_area_mm2: grid.cell_area_mm2(),
+            gap: &gap,
+            grip: Grip::ForceN(sphere.force_n),
+            stop: Stop { tolerance_fraction: 1e-9, most_iterations_count: 500 },
+        };
+        let pressed = Normal::new(grid.cells_count()).solve(&mut response, &problem, &mut pressure);
         assert!(pressed.converged, "{pressed:?}");
         Bench { sphere, grid, response, pressure, depth_mm: pressed.depth_mm }
     }
