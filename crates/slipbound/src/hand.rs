@@ -16,7 +16,7 @@
 
 mod freshness;
 
-use crate::monitor::{Estimate, Reason, SlipKind, SlipReport, SlipState};
+use crate::monitor::{Estimate, SlipKind, SlipReport, SlipState};
 use crate::plane::Vec2;
 use crate::setting::{SettingError, named, within};
 use freshness::Freshness;
@@ -400,11 +400,6 @@ fn fused_slip<'a>(live: impl Iterator<Item = (&'a Finger, SlipReport)> + Clone, 
     // Directions that cancel each other leave only noise.
     let direction = if length >= CANCELLED_LENGTH { direction.scaled(1.0 / length) } else { HandVector::default() };
     Some(HandSlip { direction, pivots, fingers_count })
-}
-
-/// Why a hand is blind, in words for the user: the first finger that is not live.
-pub fn blind_reason(reports: &[SlipReport]) -> Option<(usize, Reason)> {
-    reports.iter().enumerate().find_map(|(i, r)| Some((i, r.reason.filter(|_| r.state == SlipState::Unjudged)?)))
 }
 
 /// Directions in which a task allows the object to slide, for example along a thread but not around it.

@@ -104,7 +104,6 @@ pub struct Finger {
     pub(super) gel: Field,
     pub(super) contact: Vec<bool>,
     pub(super) stick: Vec<bool>,
-    pub(super) slip_step: Vec<Complex64>,
     pub(super) slip: Vec<Complex64>,
     pub(super) slipped: Vec<f64>,
 }
@@ -166,7 +165,6 @@ impl Finger {
             gel: Field::new(cells),
             contact: vec![false; cells],
             stick: vec![false; cells],
-            slip_step: vec![Complex64::ZERO; cells],
             slip: vec![Complex64::ZERO; cells],
             slipped: vec![0.0; cells],
         })

@@ -170,7 +170,6 @@ impl Finger {
             if self.contact[i] {
                 if increment.first || !touched {
                     self.stick[i] = true;
-                    self.slip_step[i] = Complex64::ZERO;
                 }
                 self.cells.push(i as u32);
                 let used = if self.bound[i] > 0.0 {
@@ -194,7 +193,6 @@ impl Finger {
                 self.traction[i] = Complex64::ZERO;
                 self.traction_before[i] = Complex64::ZERO;
                 self.slip[i] = Complex64::ZERO;
-                self.slip_step[i] = Complex64::ZERO;
                 self.slipped[i] = 0.0;
                 self.stick[i] = false;
             }
@@ -350,7 +348,6 @@ impl Finger {
             self.anchor[i] = if slides { reached } else { held };
             if slides {
                 self.stick[i] = false;
-                self.slip_step[i] += slip;
                 self.slip[i] += slip;
                 self.slipped[i] += length(slip);
                 heat += work;

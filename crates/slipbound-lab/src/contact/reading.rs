@@ -61,11 +61,6 @@ impl Finger {
         plane(self.slope[cell])
     }
 
-    /// How far the object slid over a cell in the last step, in mm.
-    pub fn slip_step_mm(&self, cell: usize) -> Vec2 {
-        plane(self.slip_step[cell])
-    }
-
     /// How far the object has slid over a cell since it came into contact, in mm, as a vector.
     pub fn slip_mm(&self, cell: usize) -> Vec2 {
         plane(self.slip[cell])

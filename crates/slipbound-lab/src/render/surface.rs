@@ -26,11 +26,6 @@ impl<'a> Surface<'a> {
         sum
     }
 
-    /// Pressure on that piece, in MPa.
-    pub fn pressure_at(&self, rest_mm: Vec2) -> f64 {
-        self.around(rest_mm).iter().map(|&(cell, share)| self.pressure_mpa[cell] * share).sum()
-    }
-
     /// The four cells around a point and their weights.
     fn around(&self, rest_mm: Vec2) -> [(usize, f64); 4] {
         let half = self.grid.half_size_mm();

@@ -1,6 +1,5 @@
 //! What every live source counts and reports about itself.
 
-use super::Newest;
 use slipbound::port::FrameSource;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,20 +7,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// A live source that has been opened.
 pub struct Camera {
     /// Its frames. [`FrameSource::next`] waits for a tenth of a second at most and then returns silent; while it
-    /// reconnects it can take longer, up to 5 s over a network: see [`Newest`]. It reconnects by itself after it was
+    /// reconnects it can take longer, up to 5 s over a network: see [`Newest`](super::Newest). It reconnects by itself after it was
     /// unplugged or cut off.
     pub source: Box<dyn FrameSource + Send>,
     /// The negotiated and locked settings, as names and values; stored in recordings.
     pub facts: Vec<(String, String)>,
     /// Counts of its frames so far.
     pub tally: Arc<CameraTally>,
-}
-
-impl Camera {
-    /// Reads its frames on a thread of its own, which keeps the newest.
-    pub fn on_a_thread(self) -> (Newest, Arc<CameraTally>) {
-        (Newest::new(self.source), self.tally)
-    }
 }
 
 /// Counts the frames of a camera; shared between its thread and its readers.

@@ -114,24 +114,6 @@ impl Components {
         }
     }
 
-    /// Clears all but the largest component, the first of equal ones; returns it, None for an empty mask.
-    pub fn keep_largest(&mut self, mask: &mut Mask) -> Option<Component> {
-        self.label(mask);
-        let mut largest = *self.components.first()?;
-        let mut number = 0;
-        for (i, c) in self.components.iter().enumerate() {
-            if c.area_px2 > largest.area_px2 {
-                (largest, number) = (*c, i as u32);
-            }
-        }
-        for (run, &component) in self.runs.all.iter().zip(&self.component_of) {
-            if component != number {
-                run.write(mask, false);
-            }
-        }
-        Some(largest)
-    }
-
     /// Clears the components of fewer than `min_area_px2` pixels.
     pub fn remove_small(&mut self, mask: &mut Mask, min_area_px2: usize) {
         self.retain(mask, |c| c.area_px2 >= min_area_px2);
@@ -262,22 +244,13 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_stays_and_the_small_go() {
-        let picture = "##...###
-                       .#......
-                       ..#....#";
-        let mut mask = Mask::from_picture(picture);
-        let mut components = Components::new(mask.size());
-        assert_eq!(components.keep_largest(&mut mask).map(|c| c.area_px2), Some(4));
-        assert_eq!(
-            mask,
-            Mask::from_picture(
-                "##......
-                 .#......
-                 ..#....."
-            )
+    fn the_small_go() {
+        let mut mask = Mask::from_picture(
+            "##...###
+             .#......
+             ..#....#",
         );
-        mask = Mask::from_picture(picture);
+        let mut components = Components::new(mask.size());
         components.remove_small(&mut mask, 3);
         assert_eq!(
             mask,
@@ -287,8 +260,6 @@ mod tests {
                  ..#....."
             )
         );
-        mask.clear();
-        assert_eq!(components.keep_largest(&mut mask), None);
     }
 
     #[test]

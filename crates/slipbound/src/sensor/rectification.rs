@@ -197,12 +197,6 @@ impl Rectification {
         ((bent - seen(p)).length() < 1e-3).then_some(p)
     }
 
-    /// Area in camera px of one plane px at `p`; negative where the map folds over.
-    pub fn area_ratio(&self, p: Vec2) -> f64 {
-        let (along, across) = slopes(&self.to_upright(), p);
-        along.cross(across)
-    }
-
     /// The same for a camera image `scale` times as wide; pixel centres lie at whole numbers.
     pub(super) fn scaled(&self, scale: f64) -> Rectification {
         let scaled = |v: usize| (v as f64 * scale).round() as usize;
