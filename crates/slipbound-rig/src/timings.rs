@@ -67,7 +67,7 @@ impl Timings {
     pub fn write(&mut self, report: &SlipReport, stopwatch: &Stopwatch) -> io::Result<()> {
         write!(self.to, "{{\"seq\":{}", report.seq)?;
         for (step, us) in &stopwatch.steps_us {
-            write!(self.to, ",\"{}_us\":{us:.1}", format!("{step:?}").to_lowercase())?;
+            write!(self.to, ",\"{}_us\":{us:.1}", step.name())?;
         }
         let all_us: f64 = stopwatch.steps_us.iter().map(|(_, us)| us).sum();
         writeln!(self.to, ",\"all_us\":{all_us:.1}}}")

@@ -56,6 +56,19 @@ pub enum Step {
     Slip,
 }
 
+impl Step {
+    /// Its name, as in a record.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Step::Imprint => "imprint",
+            Step::Contact => "contact",
+            Step::Markers => "markers",
+            Step::Motion => "motion",
+            Step::Slip => "slip",
+        }
+    }
+}
+
 /// Observes each step of a frame: for timing, debug images and tests.
 pub trait Probe {
     /// A frame begins.

@@ -78,6 +78,16 @@ pub enum Skin {
     Smooth,
 }
 
+impl Skin {
+    /// Its name, as in a sensor file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Skin::Fabric => "fabric",
+            Skin::Smooth => "smooth",
+        }
+    }
+}
+
 /// Edge thresholds of a part of the image; illumination differs from top to bottom.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -2,7 +2,9 @@
 
 #![allow(clippy::disallowed_methods)] // it reads the sources
 
-use slipbound::monitor::Settings;
+use slipbound::monitor::{Settings, Step};
+use slipbound::port::Jaws;
+use slipbound::sensor::Skin;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -72,4 +74,19 @@ fn the_core_depends_on_serde_and_libm_only() {
     let names: BTreeSet<&str> =
         table.lines().filter_map(|l| l.split(['.', ' ', '=']).next()).filter(|n| !n.is_empty()).collect();
     assert_eq!(names, BTreeSet::from(["libm", "serde"]));
+}
+
+/// What `name` returns is what records and files hold.
+#[test]
+fn names_of_jaws_steps_and_skins_are_those_of_records() {
+    let recorded = |value: serde_json::Value| value.as_str().expect("a text").to_owned();
+    for jaws in [Jaws::Unknown, Jaws::Open, Jaws::Closing, Jaws::Holding, Jaws::Nothing, Jaws::Lost, Jaws::Stopped] {
+        assert_eq!(jaws.name(), recorded(serde_json::to_value(jaws).expect("JSON")));
+    }
+    for step in [Step::Imprint, Step::Contact, Step::Markers, Step::Motion, Step::Slip] {
+        assert_eq!(step.name(), recorded(serde_json::to_value(step).expect("JSON")));
+    }
+    for skin in [Skin::Fabric, Skin::Smooth] {
+        assert_eq!(skin.name(), recorded(serde_json::to_value(skin).expect("JSON")));
+    }
 }

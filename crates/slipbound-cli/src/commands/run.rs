@@ -18,7 +18,7 @@ use slipbound_rig::container::{Inlet, McapObserver, Recorder, TappedSource, Writ
 use slipbound_rig::gripper::clamp_to_gripper;
 use slipbound_rig::link::now_ns;
 use slipbound_rig::realtime::{self, FramesDue, MonitorWorkers};
-use slipbound_rig::run::{self, CameraLimits, FingerInfo, Row, RunInfo, ending_name};
+use slipbound_rig::run::{self, CameraLimits, FingerInfo, Row, RunInfo};
 use slipbound_rig::source::{Encoded, Newest};
 use slipbound_rig::{config, gripper, sensors, source, wrist};
 use std::path::{Path, PathBuf};
@@ -276,7 +276,7 @@ impl Hardware {
         let ending = score.ending;
         let row = |name: &str, value: String| Row { name: name.into(), value, ..Row::default() };
         let rows = [
-            row("ended", ending.map_or("not before the end of the source".into(), ending_name)),
+            row("ended", ending.map_or("not before the end of the source", Ending::name).into()),
             row("alarms", score.alarms_count.to_string()),
             row("largest grip", format!("{:.1} N", score.most_n)),
             row("grip at the end", held_n.map_or("unknown".into(), |n| format!("{n:.1} N per finger"))),

@@ -19,7 +19,7 @@ pub fn run(name: Option<&str>) -> Result<Outcome, Failure> {
             sensor.image_px.to_string(),
             sensor.pitch_px.to_string(),
             sensor.pitch_mm.map_or_else(|| "unknown".into(), |mm| mm.to_string()),
-            format!("{:?}", sensor.skin).to_lowercase(),
+            sensor.skin.name().into(),
             sensor.description,
         ]);
     }

@@ -85,7 +85,7 @@ impl Wrist for SimWrist {
             return Ok(());
         }
         let text = format!(
-            "wrist of the simulator: expected finite rates it can do and bounds of 0 or above, got {:?}",
+            "wrist of the simulator: expected finite rates it can do and bounds of 0 or above, got {}",
             command.motion
         );
         Err(WristError::new(WristErrorKind::Refused, text))

@@ -22,6 +22,7 @@ use serde::Deserialize;
 use slipbound::hand::{FINGERS_MOST, Mounting, Side};
 use slipbound::sensor::Sensor;
 use slipbound::setting::SettingError;
+use std::fmt;
 use std::path::Path;
 
 /// A hand and its fingers, checked.
@@ -75,12 +76,31 @@ impl Axis {
     }
 }
 
+/// As it is written in the file.
+impl fmt::Display for Axis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Axis::PlusX => "+x",
+            Axis::MinusX => "-x",
+            Axis::PlusY => "+y",
+            Axis::MinusY => "-y",
+        })
+    }
+}
+
 /// Along which axes of the hand x and y of a finger's image point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Axes {
     x: Axis,
     y: Axis,
+}
+
+/// As it is written in the file.
+impl fmt::Display for Axes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{{ x = \"{}\", y = \"{}\" }}", self.x, self.y)
+    }
 }
 
 /// What is wrong with the axes.
@@ -158,14 +178,15 @@ pub fn load(path: &Path) -> Result<HandConfig, Error> {
         if f.serial.trim().is_empty() || fingers.iter().any(|other| other.serial == f.serial) {
             return refuse(key("serial"), "a serial number of its own", format!("`{}`", f.serial));
         }
-        let mounting = match f.mounting.map_or(Ok(Mounting::on(f.side)), |axes| axes.on(f.side)) {
-            Ok(mounting) => mounting,
-            Err(wrong) => {
+        let mounting = match f.mounting.map(|axes| (axes, axes.on(f.side))) {
+            None => Mounting::on(f.side),
+            Some((_, Ok(mounting))) => mounting,
+            Some((axes, Err(wrong))) => {
                 let expected = match wrong {
                     Wrong::NotSquare => "x and y along different axes of the hand",
                     Wrong::Mirrored => "an image that is not mirrored (z, from x to y, into the gel)",
                 };
-                return refuse(key("mounting"), expected, format!("{:?}", f.mounting));
+                return refuse(key("mounting"), expected, format!("`{axes}`"));
             }
         };
         let is_file = f.sensor.ends_with(".toml");
@@ -227,8 +248,8 @@ mod tests {
             ("serial = \"A\"", "serial = \"C\"", ["hand.toml: fingers[0].serial", "`A` as in a.toml", "`C`"]),
             ("serial = \"B\"", "serial = \"A\"", ["fingers[1].serial", "a serial number of its own", "`A`"]),
             ("name = \"right\"", "name = \"left\"", ["fingers[1].name", "a name of its own", "`left`"]),
-            ("y = \"-x\"", "y = \"-y\"", ["fingers[1].mounting", "different axes", "MinusY"]),
-            ("y = \"-y\"", "y = \"+y\"", ["fingers[0].mounting", "not mirrored", "PlusY"]),
+            ("y = \"-x\"", "y = \"-y\"", ["fingers[1].mounting", "different axes", "got `{ x = \"+y\", y = \"-y\" }`"]),
+            ("y = \"-y\"", "y = \"+y\"", ["fingers[0].mounting", "not mirrored", "got `{ x = \"+x\", y = \"+y\" }`"]),
             ("y = \"-x\"", "y = \"up\"", ["hand.toml: fingers[1].mounting.y", "up", "`+x`"]),
             ("name = \"right\"", "name = \"Left\"", ["fingers[1].name", "a name of its own", "`Left`"]),
             ("name = \"left\"", "name = \"../x\"", ["fingers[0].name", "1 to 64 of A-Z a-z 0-9 _ -", "`../x`"]),

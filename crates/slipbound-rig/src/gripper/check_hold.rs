@@ -1,7 +1,6 @@
 //! Measures whether a gripper keeps its grip while its force is changed: up, down, up, down, with an object that may
 //! fall. For a WSG-50 this is not published.
 
-use super::settle_detector::jaws_name;
 use slipbound::grip::ForceSense;
 use slipbound::port::{GripCommand, GripperState, Jaws};
 
@@ -98,13 +97,13 @@ impl CheckHold {
         match state.jaws {
             Jaws::Holding => {}
             Jaws::Nothing | Jaws::Lost | Jaws::Stopped => {
-                return failed(format!("expected the object to stay held, got jaws {}", jaws_name(state.jaws)));
+                return failed(format!("expected the object to stay held, got jaws {}", state.jaws.name()));
             }
             _ if self.changes_count == 0 && waited_ns < GRASP_NS => return Step::Wait,
             jaws if self.changes_count == 0 => {
-                return failed(format!("expected something held, got jaws {}", jaws_name(jaws)));
+                return failed(format!("expected something held, got jaws {}", jaws.name()));
             }
-            jaws => return failed(format!("expected the object to stay held, got jaws {}", jaws_name(jaws))),
+            jaws => return failed(format!("expected the object to stay held, got jaws {}", jaws.name())),
         }
         if let Some(why) = self.watch(state) {
             return failed(why);

@@ -37,17 +37,12 @@ fn is_same(a: &GripperState, b: &GripperState) -> bool {
     a.jaws == b.jaws && near(a.opening_mm, b.opening_mm, SAME_OPENING_MM)
 }
 
-/// What the jaws do, in a word.
-pub(super) fn jaws_name(jaws: Jaws) -> String {
-    format!("{jaws:?}").to_lowercase()
-}
-
 /// The state of a gripper in words.
 pub fn describe(state: &GripperState) -> String {
     let known = |value: Option<f64>, unit| value.map_or("unknown".into(), |value| format!("{value:.2} {unit}"));
     format!(
         "jaws {}, opening {}, force {}, asked for {}",
-        jaws_name(state.jaws),
+        state.jaws.name(),
         known(state.opening_mm, "mm"),
         known(state.force_n, "N per finger"),
         known(state.target_n, "N per finger"),

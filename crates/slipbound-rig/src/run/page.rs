@@ -22,7 +22,6 @@ mod time_axis;
 
 use super::event::{Event, TimedEvent};
 use super::info::{Row, RunInfo};
-use super::words::ending_name;
 use crate::html_page::markup::{Escaped, base64};
 use slipbound::control::Cycle;
 use slipbound::task::Ending;
@@ -96,15 +95,15 @@ impl Page<'_> {
         writeln!(f, "<header>\n<p class=\"above\">Slipbound run</p>\n<h1>{}</h1>", Escaped(title))?;
         writeln!(f, "<p class=\"below\">{}</p>", Escaped(&self.info.source_in_words()))?;
         let (name, why) = match self.ending {
-            Some(ending) => (ending_name(ending), ending.evidence()),
-            None => ("Broken off".to_owned(), "the loop stopped before the task was over"),
+            Some(ending) => (ending.name(), ending.evidence()),
+            None => ("Broken off", "the loop stopped before the task was over"),
         };
         // A task can end successfully although a target was missed.
         let missed = self.results.iter().filter(|row| row.ok == Some(false)).map(|row| row.name.as_str());
         let missed: Vec<&str> = missed.collect();
         let is_good = missed.is_empty() && self.ending.is_some_and(Ending::is_success);
         let class = if is_good { "good" } else { "bad" };
-        write!(f, "<p class=\"ending {class}\"><strong>{}</strong>: {}", Escaped(&name), Escaped(why))?;
+        write!(f, "<p class=\"ending {class}\"><strong>{}</strong>: {}", Escaped(name), Escaped(why))?;
         if !missed.is_empty() {
             write!(f, "; target missed: {}", Escaped(&missed.join(", ")))?;
         }

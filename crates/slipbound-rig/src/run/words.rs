@@ -2,23 +2,11 @@
 
 use super::info::RunInfo;
 use slipbound::control::Cycle;
-use slipbound::port::{GripCommand, WristMotion};
-use slipbound::task::{Ending, Phase};
+use slipbound::port::GripCommand;
+use slipbound::task::Phase;
 
 /// The settings of a scene that distinguish runs for a reader.
 const SHOWN: [&str; 6] = ["object", "mu", "mu_right", "camera", "surroundings", "fault"];
-
-/// What an ending is called: `SlipAtMost` is `Slip at most`.
-pub fn ending_name(ending: Ending) -> String {
-    let mut words = String::new();
-    for sign in format!("{ending:?}").chars() {
-        if sign.is_uppercase() && !words.is_empty() {
-            words.push(' ');
-        }
-        words.extend(if words.is_empty() { sign.to_uppercase().next() } else { sign.to_lowercase().next() });
-    }
-    words
-}
 
 impl RunInfo {
     /// The source in a line: for a scene the settings that distinguish runs; hardware and recordings as they were
@@ -52,16 +40,7 @@ pub(super) fn commanded(cycle: &Cycle) -> String {
         GripCommand::Hold { force_n } => format!("hold with {force_n} N"),
         GripCommand::Release => "release".to_owned(),
     };
-    let wrist = match cycle.wrist_command.motion {
-        WristMotion::Turn { rate_rad_per_s, most_rad } => {
-            format!("turn at {rate_rad_per_s} rad/s by at most {most_rad} rad")
-        }
-        WristMotion::Lower { rate_mm_per_s, most_mm } => {
-            format!("lower at {rate_mm_per_s} mm/s by at most {most_mm} mm")
-        }
-        WristMotion::Pause => "pause".to_owned(),
-    };
-    format!("{grip}, {wrist}, while {}", phase_name(cycle.phase))
+    format!("{grip}, {}, while {}", cycle.wrist_command.motion, phase_name(cycle.phase))
 }
 
 /// What a phase is called.
@@ -88,11 +67,5 @@ mod tests {
         for real in ["v4l2:28GM", "v4l2:28GM?size=640x480&rate_hz=30", "clips/run_07"] {
             assert_eq!(source_in_words(real, 0), real);
         }
-    }
-
-    #[test]
-    fn an_ending_is_called_in_words() {
-        assert_eq!(ending_name(Ending::SlipAtMost), "Slip at most");
-        assert_eq!(ending_name(Ending::Held), "Held");
     }
 }

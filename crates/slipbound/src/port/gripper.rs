@@ -178,6 +178,21 @@ pub enum Jaws {
     Stopped,
 }
 
+impl Jaws {
+    /// Its name, as in a record.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Jaws::Unknown => "unknown",
+            Jaws::Open => "open",
+            Jaws::Closing => "closing",
+            Jaws::Holding => "holding",
+            Jaws::Nothing => "nothing",
+            Jaws::Lost => "lost",
+            Jaws::Stopped => "stopped",
+        }
+    }
+}
+
 /// The state reported by a gripper.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GripperState {

@@ -81,6 +81,21 @@ pub enum WristMotion {
     Pause,
 }
 
+/// In words and units, for messages and events.
+impl fmt::Display for WristMotion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            WristMotion::Turn { rate_rad_per_s, most_rad } => {
+                write!(f, "turn at {rate_rad_per_s} rad/s by at most {most_rad} rad")
+            }
+            WristMotion::Lower { rate_mm_per_s, most_mm } => {
+                write!(f, "lower at {rate_mm_per_s} mm/s by at most {most_mm} mm")
+            }
+            WristMotion::Pause => f.write_str("pause"),
+        }
+    }
+}
+
 /// A motion and its time to live.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct WristCommand {

@@ -82,6 +82,23 @@ pub enum Ending {
 }
 
 impl Ending {
+    /// What it is called in tables and pages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Ending::Tight => "Tight",
+            Ending::SlipAtMost => "Slip at most",
+            Ending::Opened => "Opened",
+            Ending::Stuck => "Stuck",
+            Ending::Placed => "Placed",
+            Ending::Held => "Held",
+            Ending::NothingHeld => "Nothing held",
+            Ending::Lost => "Lost",
+            Ending::GripStays => "Grip stays",
+            Ending::NotReleased => "Not released",
+            Ending::Limit => "Limit",
+        }
+    }
+
     /// Whether the task has succeeded.
     pub const fn is_success(self) -> bool {
         matches!(self, Ending::Tight | Ending::SlipAtMost | Ending::Opened | Ending::Placed | Ending::Held)

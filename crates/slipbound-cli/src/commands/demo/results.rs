@@ -1,9 +1,9 @@
 //! Results of a simulated run for its report.
 
-use slipbound::task::{TaskKind, TaskSettings};
+use slipbound::task::{Ending, TaskKind, TaskSettings};
 use slipbound_lab::hand::HandScene;
 use slipbound_lab::score::{RunScore, most_ground_n};
-use slipbound_rig::run::{Row, ending_name};
+use slipbound_rig::run::Row;
 
 /// The table of results.
 pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<Row> {
@@ -15,8 +15,8 @@ pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<R
     };
     let mut rows = Vec::new();
     let right = Some(run.succeeded(scene.task()));
-    let ending = run.ending.map_or("not before the end of the scene".into(), ending_name);
-    rows.push(row("ended", ending, "", right));
+    let ending = run.ending.map_or("not before the end of the scene", Ending::name);
+    rows.push(row("ended", ending.into(), "", right));
     if let Some(fraction) = run.torque_fraction() {
         let value = format!("{:.0} N mm, {:.0} %", run.torque_n_mm, 100.0 * fraction);
         match scene.task() {

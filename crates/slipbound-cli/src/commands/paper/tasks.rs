@@ -3,11 +3,10 @@
 use crate::outcome::Failure;
 use slipbound::control::{CycleObserver, CycleView};
 use slipbound::monitor::Settings;
-use slipbound::task::{ControllerKind, TaskSettings};
+use slipbound::task::{ControllerKind, Ending, TaskSettings};
 use slipbound_lab::hand::HandScene;
 use slipbound_lab::lockstep::LockStep;
 use slipbound_rig::html_page::{Chart, Draw, Part, Series};
-use slipbound_rig::run::ending_name;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Largest force of the paper's gripper per finger, and its initial force, N.
@@ -121,7 +120,7 @@ pub fn all(seed: u64, stop: &AtomicBool) -> Result<Vec<Part>, Failure> {
         rows.push(vec![
             shown.title.into(),
             settings.controller.to_string(),
-            score.ending.map_or("not ended".into(), ending_name),
+            score.ending.map_or("not ended", Ending::name).into(),
             if score.succeeded(task) { "yes" } else { "no" }.into(),
             curves.slips_s.len().to_string(),
             format!("{:.0} N", score.most_n),
