@@ -19,6 +19,7 @@ mod recording;
 pub mod replay;
 mod rest_window;
 pub mod run;
+mod run_recording;
 mod scenes;
 mod sensors;
 pub mod shell;

@@ -1,6 +1,8 @@
 //! The ways in which a command can end.
 
+use anyhow::anyhow;
 use slipbound::port::SourceError;
+use slipbound::task::Missing;
 use slipbound_lab::eval::FolderError;
 use slipbound_rig::gripper::{self, SessionError};
 use slipbound_rig::{container, run};
@@ -36,6 +38,16 @@ impl Failure {
     /// A failure on the way, with the action that failed.
     pub fn work(doing: impl Display, e: impl Error + Send + Sync + 'static) -> Self {
         Failure::Work(anyhow::Error::new(e).context(doing.to_string()))
+    }
+
+    /// A task that ended while it was still taking hold. `refused_lowering`: a lower force that the gripper refused.
+    pub fn never_began(missing: Option<Missing>, refused_lowering: Option<&str>) -> Self {
+        // Without a frame that can be judged the task never runs.
+        let why = missing.map_or("no finger has shown a frame that can be judged", Missing::in_words);
+        Failure::Work(match refused_lowering {
+            Some(refused) => anyhow!("the work never began: {why}; {refused}"),
+            None => anyhow!("the work never began: {why}"),
+        })
     }
 }
 

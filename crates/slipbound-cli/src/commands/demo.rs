@@ -3,7 +3,7 @@
 mod results;
 
 use super::inputs;
-use super::run::{describe, finish_recording, never_began};
+use super::run_recording;
 use crate::emulated::{EmulatedActuators, EmulatedGripper, LinkFaults};
 use crate::interruption;
 use crate::loopback::Loopback;
@@ -149,7 +149,7 @@ impl Demo {
             output.note(now_ns, &format!("{e:#}"));
         }
         let (seconds, took_s) = (now_ns as f64 * 1e-9, began.elapsed().as_secs_f64());
-        finish_recording(recorder, &mut output);
+        run_recording::finish(recorder, &mut output);
         let rows = results::rows(&scene, &settings, &score);
         let outcome = output.finish(&rows, score.ending, |page| {
             let times = seconds / took_s;
@@ -160,7 +160,7 @@ impl Demo {
         })?;
         ran.map_err(Failure::Work)?;
         match score.ending {
-            None if !has_begun => Err(Failure::Work(never_began(missing, None))),
+            None if !has_begun => Err(Failure::never_began(missing, None)),
             Some(ending @ (Ending::NothingHeld | Ending::Lost)) => Err(Failure::Work(anyhow!("{}", ending.evidence()))),
             _ if score.is_object_lost() => {
                 Err(Failure::Work(anyhow!("the object was lost: it slid by {:.1} mm", score.slid_mm)))
@@ -196,7 +196,7 @@ impl Demo {
         let Some(Some(path)) = &self.record else { return Ok(None) };
         inputs::refuse_recording("--record", path, &[], &[self.settings.as_deref()])?;
         let recorder = Recorder::create(path, &info.finger_names(), true)?;
-        describe(&recorder, info)?;
+        run_recording::describe(&recorder, info)?;
         Ok(Some(recorder))
     }
 
