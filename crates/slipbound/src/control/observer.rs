@@ -47,6 +47,15 @@ impl CycleObserver for () {
     fn after_cycle(&mut self, _: &CycleView<'_>) {}
 }
 
+/// An observer that may be missing.
+impl<T: CycleObserver> CycleObserver for Option<T> {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        if let Some(observer) = self {
+            observer.after_cycle(view);
+        }
+    }
+}
+
 /// Two observers, one after the other.
 impl<A: CycleObserver, B: CycleObserver> CycleObserver for (A, B) {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
