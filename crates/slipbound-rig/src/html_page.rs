@@ -7,6 +7,7 @@
 //! It is well-formed XML as well as HTML, and looks like the page of a run.
 
 mod chart;
+pub(crate) mod drawing;
 pub(crate) mod markup;
 pub(crate) mod picture;
 

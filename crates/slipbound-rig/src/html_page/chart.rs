@@ -1,11 +1,11 @@
 //! Lines and bars over two axes, as inline SVG. Axes and lines are kuva's.
 
+use super::drawing;
 use super::markup::Escaped;
 use kuva::plot::{BandPlot, LinePlot};
 use kuva::render::annotations::ReferenceLine;
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
-use kuva::render::theme::Theme;
 use std::fmt;
 
 /// A chart is drawn for a window and for one as narrow as a phone; the style sheet shows one of them: class, width and
@@ -108,14 +108,6 @@ impl Chart {
 
     /// What stands between kuva's `<svg ...>` and `</svg>`.
     fn drawn(&self, width_px: f64, height_px: f64) -> String {
-        let theme = Theme {
-            background: "none".into(),
-            axis_color: "var(--axis)".into(),
-            grid_color: "var(--grid)".into(),
-            tick_color: "var(--axis)".into(),
-            text_color: "var(--soft)".into(),
-            ..Theme::light()
-        };
         let mut layout = Layout::new(self.x, self.y)
             .with_width(width_px)
             .with_height(height_px)
@@ -125,7 +117,6 @@ impl Chart {
             .with_x_axis_max(self.x.1)
             .with_y_axis_min(self.y.0)
             .with_y_axis_max(self.y.1)
-            .with_theme(theme)
             .with_x_label(self.x_label.as_str())
             .with_y_label(self.y_label.as_str())
             .with_tick_size(12)
@@ -133,8 +124,6 @@ impl Chart {
         for &x in &self.lines_at {
             layout = layout.with_reference_line(ReferenceLine::vertical(x).with_color("var(--axis)"));
         }
-        let svg = kuva::render_to_svg(self.series.iter().flat_map(Series::plots).collect(), layout);
-        let inside = svg.find('>').map_or("", |end| &svg[end + 1..]);
-        inside.trim_end().trim_end_matches("</svg>").to_owned()
+        drawing::drawn(self.series.iter().flat_map(Series::plots).collect(), layout)
     }
 }

@@ -22,6 +22,8 @@ pub(super) enum Stroke {
     Area,
 }
 
+use Stroke::{Area, Dashed, Solid, Step};
+
 /// One value per cycle.
 #[derive(Debug)]
 pub(super) struct Line {
@@ -64,113 +66,16 @@ impl Panel {
 /// of some finger is known, else in pitches.
 pub(super) fn of(cycles: &[Cycle], slips_pitch: &[Option<f64>], info: &RunInfo) -> Vec<Panel> {
     let knows_mm = info.fingers.iter().any(|finger| finger.sensor.pitch_mm.is_some());
-    let alarm_margin = alarm_margin(&info.monitor_settings.slip);
-    let line = |name, colour, stroke, value: &dyn Fn(&Cycle) -> Option<f64>| Line {
-        name,
-        colour,
-        stroke,
-        values: cycles.iter().map(|c| value(c).filter(|v| v.is_finite())).collect(),
-    };
-    let truth = |name, colour, stroke, value: &dyn Fn(&PlantTruth) -> Option<f64>| {
-        line(name, colour, stroke, &|c: &Cycle| c.truth.as_ref().and_then(value))
-    };
-    let panel = Panel::new;
-    use Stroke::{Area, Dashed, Solid, Step};
-    let shear = |part: fn(HandVector) -> f64, separated: bool| {
-        move |c: &Cycle| c.hand.shear_mm.filter(|_| c.hand.separated == separated).map(part)
-    };
-    let turned = moved(cycles, |c| c.wrist.angle_rad);
-    let lowered = moved(cycles, |c| c.wrist.lowered_mm);
-    let mut largest = line("largest of a marker, since the reference", "--c1", Solid, &|c| c.hand.slip_max_mm);
-    if !knows_mm {
-        largest.values = slips_pitch.to_vec();
-    }
+    let values = Values(cycles);
     let mut panels = vec![
-        panel(
-            "Grip force",
-            "N per finger",
-            230.0,
-            1,
-            vec![
-                truth("least that holds (truth)", "--c3", Area, &|t| t.required_n),
-                line("commanded", "--c2", Step, &|c| c.grip_command.force_n()),
-                line("measured", "--c1", Solid, &|c| c.gripper.force_n),
-            ],
-        ),
-        panel(
-            "Angle",
-            "deg",
-            150.0,
-            1,
-            vec![
-                line("wrist", "--c1", Solid, &|c| Some(c.wrist.angle_rad.to_degrees()).filter(|_| turned)),
-                truth("cap (truth)", "--c2", Dashed, &|t| t.cap_angle_rad.map(f64::to_degrees)),
-            ],
-        ),
-        panel(
-            "Lowered",
-            "mm",
-            150.0,
-            2,
-            vec![line("wrist", "--c1", Solid, &|c| Some(c.wrist.lowered_mm).filter(|_| lowered))],
-        ),
-        panel(
-            "Torque on the cap",
-            "N mm",
-            150.0,
-            0,
-            vec![
-                truth("carried (truth)", "--c3", Solid, &|t| t.torque_n_mm),
-                truth("2 mu P R, as of a flat contact (truth)", "--c2", Dashed, &|t| t.torque_limit_n_mm),
-            ],
-        ),
-        panel(
-            "Load",
-            "N",
-            150.0,
-            2,
-            vec![
-                truth("on the fingers (truth)", "--c3", Solid, &|t| t.load_n),
-                truth("on the ground (truth)", "--c4", Solid, &|t| t.ground_force_n),
-                truth("weight (truth)", "--c2", Dashed, &|t| t.mass_kg.map(|kg| kg * GRAVITY_M_PER_S2)),
-            ],
-        ),
-        Panel {
-            bounds: (-0.3, 1.0),
-            shown: (0.0, 1.0),
-            ..panel(
-                "Slip margin and stick ratio",
-                "of 1",
-                180.0,
-                2,
-                vec![
-                    truth("stick ratio (truth)", "--c4", Dashed, &|t| t.stick_ratio),
-                    truth("margin (truth)", "--c3", Solid, &|t| t.margin),
-                    line("margin as estimated, least of the fingers", "--c1", Solid, &|c| c.hand.margin),
-                    line("margin of the controller", "--c2", Step, &|c| c.margin),
-                    line("alarm", "--c2", Dashed, &|c| c.hand.margin.and(alarm_margin)),
-                ],
-            )
-        },
-        panel(
-            "Slip",
-            if knows_mm { "mm" } else { "marker pitches" },
-            150.0,
-            3,
-            vec![truth("object through the fingers (truth)", "--c3", Solid, &|t| t.slid_mm), largest],
-        ),
-        panel(
-            "Shear of the gels",
-            "mm",
-            150.0,
-            3,
-            vec![
-                line("along", "--c2", Solid, &|c| c.hand.shear_mm.map(|v| v.along)),
-                line("around", "--c1", Solid, &shear(|v| v.around, true)),
-                line("across", "--c4", Solid, &shear(|v| v.across, true)),
-                line("around or across", "--c3", Solid, &shear(|v| v.around, false)),
-            ],
-        ),
+        grip_force(values),
+        angle(values),
+        lowered(values),
+        torque(values),
+        load(values),
+        margin(values, alarm_margin(&info.monitor_settings.slip)),
+        slip(values, (!knows_mm).then_some(slips_pitch)),
+        shear(values),
     ];
     for panel in &mut panels {
         panel.lines.retain(|line| line.values.iter().any(Option::is_some));
@@ -179,11 +84,119 @@ pub(super) fn of(cycles: &[Cycle], slips_pitch: &[Option<f64>], info: &RunInfo) 
     panels
 }
 
+/// The cycles that lines are made of.
+#[derive(Clone, Copy)]
+struct Values<'a>(&'a [Cycle]);
+
+impl Values<'_> {
+    /// A line of what the loop knew.
+    fn line(
+        self,
+        name: &'static str,
+        colour: &'static str,
+        stroke: Stroke,
+        value: impl Fn(&Cycle) -> Option<f64>,
+    ) -> Line {
+        let values = self.0.iter().map(|c| value(c).filter(|v| v.is_finite())).collect();
+        Line { name, colour, stroke, values }
+    }
+
+    /// A line of the ground truth of a simulation.
+    fn truth(
+        self,
+        name: &'static str,
+        colour: &'static str,
+        stroke: Stroke,
+        value: impl Fn(&PlantTruth) -> Option<f64>,
+    ) -> Line {
+        self.line(name, colour, stroke, |c| c.truth.as_ref().and_then(&value))
+    }
+
+    /// Whether the wrist has moved.
+    fn moved(self, value: impl Fn(&Cycle) -> f64) -> bool {
+        self.0.iter().any(|c| value(c).abs() > MOVED)
+    }
+}
+
+fn grip_force(of: Values<'_>) -> Panel {
+    let lines = vec![
+        of.truth("least that holds (truth)", "--c3", Area, |t| t.required_n),
+        of.line("commanded", "--c2", Step, |c| c.grip_command.force_n()),
+        of.line("measured", "--c1", Solid, |c| c.gripper.force_n),
+    ];
+    Panel::new("Grip force", "N per finger", 230.0, 1, lines)
+}
+
+fn angle(of: Values<'_>) -> Panel {
+    let turned = of.moved(|c| c.wrist.angle_rad);
+    let lines = vec![
+        of.line("wrist", "--c1", Solid, |c| Some(c.wrist.angle_rad.to_degrees()).filter(|_| turned)),
+        of.truth("cap (truth)", "--c2", Dashed, |t| t.cap_angle_rad.map(f64::to_degrees)),
+    ];
+    Panel::new("Angle", "deg", 150.0, 1, lines)
+}
+
+fn lowered(of: Values<'_>) -> Panel {
+    let lowered = of.moved(|c| c.wrist.lowered_mm);
+    let lines = vec![of.line("wrist", "--c1", Solid, |c| Some(c.wrist.lowered_mm).filter(|_| lowered))];
+    Panel::new("Lowered", "mm", 150.0, 2, lines)
+}
+
+fn torque(of: Values<'_>) -> Panel {
+    let lines = vec![
+        of.truth("carried (truth)", "--c3", Solid, |t| t.torque_n_mm),
+        of.truth("2 mu P R, as of a flat contact (truth)", "--c2", Dashed, |t| t.torque_limit_n_mm),
+    ];
+    Panel::new("Torque on the cap", "N mm", 150.0, 0, lines)
+}
+
+fn load(of: Values<'_>) -> Panel {
+    let lines = vec![
+        of.truth("on the fingers (truth)", "--c3", Solid, |t| t.load_n),
+        of.truth("on the ground (truth)", "--c4", Solid, |t| t.ground_force_n),
+        of.truth("weight (truth)", "--c2", Dashed, |t| t.mass_kg.map(|kg| kg * GRAVITY_M_PER_S2)),
+    ];
+    Panel::new("Load", "N", 150.0, 2, lines)
+}
+
+/// `alarm`: the margin at which incipient slip is reported, if it is.
+fn margin(of: Values<'_>, alarm: Option<f64>) -> Panel {
+    let lines = vec![
+        of.truth("stick ratio (truth)", "--c4", Dashed, |t| t.stick_ratio),
+        of.truth("margin (truth)", "--c3", Solid, |t| t.margin),
+        of.line("margin as estimated, least of the fingers", "--c1", Solid, |c| c.hand.margin),
+        of.line("margin of the controller", "--c2", Step, |c| c.margin),
+        of.line("alarm", "--c2", Dashed, |c| c.hand.margin.and(alarm)),
+    ];
+    let panel = Panel::new("Slip margin and stick ratio", "of 1", 180.0, 2, lines);
+    Panel { bounds: (-0.3, 1.0), shown: (0.0, 1.0), ..panel }
+}
+
+/// `in_pitches`: the largest slip of a marker in every cycle, in pitches, where no pitch is known in mm.
+fn slip(of: Values<'_>, in_pitches: Option<&[Option<f64>]>) -> Panel {
+    let mut largest = of.line("largest of a marker, since the reference", "--c1", Solid, |c| c.hand.slip_max_mm);
+    let mut unit = "mm";
+    if let Some(slips_pitch) = in_pitches {
+        (largest.values, unit) = (slips_pitch.to_vec(), "marker pitches");
+    }
+    let lines = vec![of.truth("object through the fingers (truth)", "--c3", Solid, |t| t.slid_mm), largest];
+    Panel::new("Slip", unit, 150.0, 3, lines)
+}
+
+fn shear(of: Values<'_>) -> Panel {
+    let part = |part: fn(HandVector) -> f64, separated: bool| {
+        move |c: &Cycle| c.hand.shear_mm.filter(|_| c.hand.separated == separated).map(part)
+    };
+    let lines = vec![
+        of.line("along", "--c2", Solid, |c| c.hand.shear_mm.map(|v| v.along)),
+        of.line("around", "--c1", Solid, part(|v| v.around, true)),
+        of.line("across", "--c4", Solid, part(|v| v.across, true)),
+        of.line("around or across", "--c3", Solid, part(|v| v.around, false)),
+    ];
+    Panel::new("Shear of the gels", "mm", 150.0, 3, lines)
+}
+
 /// The margin at which incipient slip is reported; None where another rule reports it.
 pub(super) fn alarm_margin(slip: &SlipSettings) -> Option<f64> {
     (slip.rule == SlipRule::Margin).then_some(slip.alarm_margin_fraction)
-}
-
-fn moved(cycles: &[Cycle], value: impl Fn(&Cycle) -> f64) -> bool {
-    cycles.iter().any(|c| value(c).abs() > MOVED)
 }

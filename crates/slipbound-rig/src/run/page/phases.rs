@@ -3,7 +3,6 @@
 use super::time_axis::TimeAxis;
 use crate::run::words::phase_name;
 use slipbound::control::Cycle;
-use slipbound::task::Phase;
 use std::fmt;
 
 /// Height of the band above each plot.
@@ -36,17 +35,8 @@ pub(super) fn stretches<T: PartialEq + Copy>(times: impl Iterator<Item = (u64, T
 
 /// The phases of the task.
 pub(super) fn phases(cycles: &[Cycle]) -> Vec<Stretch<ClassAndName>> {
-    stretches(cycles.iter().map(|c| (c.time_ns, (class(c.phase), phase_name(c.phase)))))
-}
-
-fn class(phase: Phase) -> &'static str {
-    match phase {
-        Phase::Grasping => "grasping",
-        Phase::Working => "working",
-        Phase::Waiting => "waiting",
-        Phase::Releasing => "releasing",
-        Phase::Ended(_) => "ended",
-    }
+    // The style sheet has a class of the same name.
+    stretches(cycles.iter().map(|c| (c.time_ns, (phase_name(c.phase), phase_name(c.phase)))))
 }
 
 /// The stretches as a thin band of rectangles at this height.

@@ -4,12 +4,11 @@
 use super::panels::{Line, Panel, Stroke};
 use super::phases::{self, ClassAndName, PHASE_BAND_PX, Stretch};
 use super::time_axis::{TimeAxis, Width};
-use crate::html_page::markup::Escaped;
+use crate::html_page::{drawing, markup::Escaped};
 use kuva::plot::{BandPlot, LinePlot};
 use kuva::render::annotations::ReferenceLine;
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
-use kuva::render::theme::Theme;
 use std::fmt;
 
 /// A number on a mark.
@@ -134,14 +133,6 @@ fn drawn(time: &TimeAxis, panel: &Panel, times_ns: &[u64], frame: Frame) -> Stri
     let width = time.width;
     let (from_s, to_s) = time.range_s();
     let (least, most) = y_range(panel);
-    let theme = Theme {
-        background: "none".into(),
-        axis_color: "var(--axis)".into(),
-        grid_color: "var(--grid)".into(),
-        tick_color: "var(--axis)".into(),
-        text_color: "var(--soft)".into(),
-        ..Theme::light()
-    };
     let mut layout = Layout::new((from_s, to_s), (least, most))
         .with_width(width.px())
         .with_height(top_px + height_px + bottom_px)
@@ -151,7 +142,6 @@ fn drawn(time: &TimeAxis, panel: &Panel, times_ns: &[u64], frame: Frame) -> Stri
         .with_x_axis_max(to_s)
         .with_y_axis_min(least)
         .with_y_axis_max(most)
-        .with_theme(theme)
         .with_tick_size(12)
         .with_label_size(12);
     if width == Width::Wide {
@@ -165,9 +155,7 @@ fn drawn(time: &TimeAxis, panel: &Panel, times_ns: &[u64], frame: Frame) -> Stri
             layout.with_reference_line(ReferenceLine::horizontal(0.0).with_color("var(--axis)").with_dasharray(""));
     }
     let plots = panel.lines.iter().flat_map(|line| strokes(line, times_ns, width)).collect();
-    let svg = kuva::render_to_svg(plots, layout);
-    let inside = svg.find('>').map_or("", |end| &svg[end + 1..]);
-    inside.trim_end().trim_end_matches("</svg>").to_owned()
+    drawing::drawn(plots, layout)
 }
 
 /// What the axis shows: all values within the bounds, and what is always shown.
