@@ -1,22 +1,20 @@
 //! The command on the paper's finger as simulated, also with a known mass hanging on it; on what cannot be calibrated;
 //! and on its own outputs.
 
+mod program;
+
+use program::{printed, slipbound_in};
 use slipbound::plane::Vec2;
 use std::path::Path;
-use std::process::{Command, Output};
-
-fn slipbound(folder: &Path, words: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_slipbound")).current_dir(folder).args(words).output().expect("runs")
-}
 
 /// The grid's corners, 21 columns and 20 rows of it, where the published homography of finger gs1 puts them.
 #[test]
 fn one_frame_of_the_papers_finger_gives_its_homography_back() {
     let folder = tempfile::tempdir().expect("a folder");
-    let done = slipbound(folder.path(), &["simulate", "twist?seed=3", "-o", "twist"]);
+    let done = slipbound_in(folder.path(), &["simulate", "twist?seed=3", "-o", "twist"]);
     assert!(done.status.success(), "{done:?}");
     let words = ["calibrate", "twist/frame_000000.jpg", "-o", "gs.toml", "--flip", "vertical", "--skin", "fabric"];
-    let done = slipbound(folder.path(), &words);
+    let done = slipbound_in(folder.path(), &words);
     assert!(done.status.success(), "{done:?}");
     assert!(folder.path().join("gs.png").exists());
     let path = folder.path().join("gs.toml");
@@ -55,7 +53,7 @@ fn a_calibrated_clear_gel_is_untouched_in_every_frame_at_rest() {
             &["calibrate", &name, "-o", &file],
             &["tare", &name, "--sensor", &file, "--frames", "10", "-o", &rest],
         ] {
-            let done = slipbound(folder.path(), words);
+            let done = slipbound_in(folder.path(), words);
             assert!(done.status.success(), "{words:?}: {}", String::from_utf8_lossy(&done.stderr));
         }
     }
@@ -66,8 +64,8 @@ fn a_calibrated_clear_gel_is_untouched_in_every_frame_at_rest() {
 fn a_weave_that_was_taken_for_a_gel_is_told_of() {
     let folder = tempfile::tempdir().expect("a folder");
     let told = |words: &[&str]| {
-        let done = slipbound(folder.path(), words);
-        String::from_utf8_lossy(&done.stdout).into_owned() + &String::from_utf8_lossy(&done.stderr)
+        let done = slipbound_in(folder.path(), words);
+        printed(&done)
     };
     told(&["simulate", "twist?grid=fast", "--seed", "3", "-o", "weave"]);
     let calibrated = told(&["calibrate", "weave", "-o", "gel.toml", "--flip", "vertical"]);
@@ -84,16 +82,16 @@ fn a_weave_that_was_taken_for_a_gel_is_told_of() {
 fn a_calibrated_fabric_skin_is_untouched_at_rest_and_slips_where_the_built_in_one_does() {
     let folder = tempfile::tempdir().expect("a folder");
     for seed in ["3", "8"] {
-        let done = slipbound(folder.path(), &["simulate", "twist?grid=fast", "--seed", seed, "-o", seed]);
+        let done = slipbound_in(folder.path(), &["simulate", "twist?grid=fast", "--seed", seed, "-o", seed]);
         assert!(done.status.success(), "{done:?}");
         let file = format!("{seed}.toml");
         let words = ["calibrate", seed, "-o", &file, "--flip", "vertical", "--skin", "fabric", "--pitch-mm", "1.5"];
-        let done = slipbound(folder.path(), &words);
+        let done = slipbound_in(folder.path(), &words);
         assert!(done.status.success(), "{done:?}");
         let slips = |words: &[&str]| {
             let name = format!("{seed}.jsonl");
-            let done = slipbound(folder.path(), &[words, &["--slips", &name, "--force"]].concat());
-            let told = String::from_utf8_lossy(&done.stdout).into_owned() + &String::from_utf8_lossy(&done.stderr);
+            let done = slipbound_in(folder.path(), &[words, &["--slips", &name, "--force"]].concat());
+            let told = printed(&done);
             assert!(done.status.success() && !told.contains("starts in contact"), "{told}");
             let slips = std::fs::read_to_string(folder.path().join(name)).expect("slips");
             let first =
@@ -126,7 +124,7 @@ fn what_cannot_be_done_is_refused_with_the_reason_and_leaves_no_file() {
             "expected grams above 0",
         ),
     ] {
-        let done = slipbound(folder.path(), words);
+        let done = slipbound_in(folder.path(), words);
         let message = String::from_utf8_lossy(&done.stderr);
         assert_eq!(done.status.code(), Some(2), "{words:?}: {message}");
         assert!(message.contains(said), "{words:?}: `{message}` lacks `{said}`");
@@ -139,11 +137,11 @@ fn what_cannot_be_done_is_refused_with_the_reason_and_leaves_no_file() {
 fn a_picture_that_is_there_stays() {
     let folder = tempfile::tempdir().expect("a folder");
     let photo = folder.path().join("a.png");
-    let done = slipbound(folder.path(), &["simulate", "twist?grid=fast", "--seed", "3", "-o", "twist"]);
+    let done = slipbound_in(folder.path(), &["simulate", "twist?grid=fast", "--seed", "3", "-o", "twist"]);
     assert!(done.status.success(), "{done:?}");
     std::fs::write(&photo, "mine").expect("writes");
     let told = |words: &[&str]| {
-        let done = slipbound(folder.path(), words);
+        let done = slipbound_in(folder.path(), words);
         (done.status.code(), String::from_utf8_lossy(&done.stderr).into_owned())
     };
     let words = ["calibrate", "twist", "-o", "a.toml", "--flip", "vertical", "--skin", "fabric"];
@@ -163,7 +161,7 @@ fn a_picture_that_is_there_stays() {
 #[test]
 fn a_sensor_file_in_the_folder_of_its_frames_adds_no_frame() {
     let folder = tempfile::tempdir().expect("a folder");
-    let done = slipbound(folder.path(), &["simulate", "twist?grid=fast", "--seed", "3", "-o", "run"]);
+    let done = slipbound_in(folder.path(), &["simulate", "twist?grid=fast", "--seed", "3", "-o", "run"]);
     assert!(done.status.success(), "{done:?}");
     let frames = || slipbound_rig::source::image_files(&folder.path().join("run").display().to_string());
     let before = frames();
@@ -171,7 +169,7 @@ fn a_sensor_file_in_the_folder_of_its_frames_adds_no_frame() {
         [("run", "run/sensor.toml"), ("run/*.jpg", "run/other.toml"), ("run", "./run/../run/x.toml")]
     {
         let words = ["calibrate", source, "-o", output, "--flip", "vertical", "--skin", "fabric", "--force"];
-        let done = slipbound(folder.path(), &words);
+        let done = slipbound_in(folder.path(), &words);
         assert!(done.status.success(), "{done:?}");
         let told = String::from_utf8_lossy(&done.stdout);
         let name = Path::new(output).with_extension("png");
@@ -180,7 +178,7 @@ fn a_sensor_file_in_the_folder_of_its_frames_adds_no_frame() {
         assert!(folder.path().join(picture).is_file() && folder.path().join(output).is_file());
         assert_eq!(frames(), before, "{output}");
     }
-    let done = slipbound(folder.path(), &["calibrate", "run", "-o", "run/sensor.toml"]);
+    let done = slipbound_in(folder.path(), &["calibrate", "run", "-o", "run/sensor.toml"]);
     assert_eq!(done.status.code(), Some(2), "a sensor file that is there: {done:?}");
 }
 
@@ -191,7 +189,7 @@ fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_ref
     let folder = tempfile::tempdir().expect("a folder");
     let held = "fill?force_n=15&mu=0.8&settle_s=0.6&fill_kg_per_s=0.5&hold_s=1&most_kg=0.3";
     let simulate = |scene: &str, name: &str| {
-        let done = slipbound(folder.path(), &["simulate", scene, "-o", name]);
+        let done = slipbound_in(folder.path(), &["simulate", scene, "-o", name]);
         assert!(done.status.success(), "{done:?}");
     };
     fn words<'a>(name: &'a str, sensor: &'a str) -> [&'a str; 10] {
@@ -205,7 +203,7 @@ fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_ref
     let force_n = last["wrench"]["force_n"][0].as_f64().expect("a force");
     assert!((force_n / (0.3 * 9.80665 / 2.0) - 1.0).abs() < 0.01, "{force_n} N");
 
-    let done = slipbound(folder.path(), &words("duck", "duck/sensor.toml"));
+    let done = slipbound_in(folder.path(), &words("duck", "duck/sensor.toml"));
     assert!(done.status.success(), "{done:?}");
     let path = folder.path().join("stiff.toml");
     let shear = slipbound_rig::sensors::load(path.to_str().expect("UTF-8")).expect("valid").shear.expect("measured");
@@ -218,7 +216,7 @@ fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_ref
     std::fs::remove_file(&path).expect("written");
     // In kilograms.
     let light = words("duck", "duck/sensor.toml").map(|word| if word == "300" { "0.3" } else { word });
-    let done = slipbound(folder.path(), &light);
+    let done = slipbound_in(folder.path(), &light);
     let message = String::from_utf8_lossy(&done.stderr);
     assert!(done.status.code() == Some(2) && message.contains("--weight-g 0.3: expected grams that give"), "{message}");
     assert!(message.contains("from 0.0027 to 6.8 N per marker and pitch, got 0.00020") && !path.exists(), "{message}");
@@ -230,7 +228,7 @@ fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_ref
     assert!(text.contains("of the data sheet"), "{text}");
     std::fs::write(&own, text).expect("writes");
     let onto = |file: &'static str| words("duck", file).map(|word| if word == "stiff.toml" { file } else { word });
-    let done = slipbound(folder.path(), &onto("own.toml"));
+    let done = slipbound_in(folder.path(), &onto("own.toml"));
     assert!(done.status.success(), "{done:?}");
     let again = slipbound_rig::sensors::load(own.to_str().expect("UTF-8")).expect("valid").shear.expect("measured");
     assert_eq!(again, shear);
@@ -239,20 +237,20 @@ fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_ref
     for (file, output) in [("./own.toml", "s3.toml"), ("own.toml", "./own.toml"), ("own.toml", absolute.as_str())] {
         std::fs::write(&own, "extends = \"duck/sensor.toml\"\n").expect("writes");
         let onto = words("duck", file).map(|word| if word == "stiff.toml" { output } else { word });
-        let done = slipbound(folder.path(), &onto);
+        let done = slipbound_in(folder.path(), &onto);
         assert!(done.status.success(), "{done:?}");
     }
     // A file that would become invalid stays as it is.
     let text = "extends = \"duck/sensor.toml\"\nshear = { stiffness_n_per_pitch = 1.0, provenance = \"data sheet\" }\n";
     let inline = folder.path().join("inline.toml");
     std::fs::write(&inline, text).expect("writes");
-    let done = slipbound(folder.path(), &onto("inline.toml"));
+    let done = slipbound_in(folder.path(), &onto("inline.toml"));
     let message = String::from_utf8_lossy(&done.stderr);
     assert!(done.status.code() == Some(1) && message.contains("inline.toml: "), "{message}");
     assert_eq!(std::fs::read_to_string(&inline).expect("there"), text);
 
     simulate(&format!("{held}&object=water_bottle&camera=gelsight_mini"), "bottle");
-    let done = slipbound(folder.path(), &words("bottle", "bottle/sensor.toml"));
+    let done = slipbound_in(folder.path(), &words("bottle", "bottle/sensor.toml"));
     let message = String::from_utf8_lossy(&done.stderr);
     assert_eq!(done.status.code(), Some(2), "{message}");
     assert!(message.contains("expected the sheared skin in full view"), "{message}");

@@ -1,17 +1,12 @@
 //! The command `demo` as a user runs it: its outputs, its replay, and that no fault releases the object.
 
+mod program;
+
+use program::{command, printed, slipbound};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
-
-fn slipbound(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_slipbound")).args(args).output().expect("runs")
-}
-
-fn printed(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
-}
+use std::process::Output;
 
 fn demo(folder: &Path, args: &[&str]) -> Output {
     let folder = folder.to_str().expect("UTF-8");
@@ -58,8 +53,8 @@ fn a_cap_is_opened_and_the_recording_gives_the_same_commands_bit_for_bit() {
 fn a_reader_that_leaves_does_not_take_the_page_with_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let run = folder.path().join("run");
-    let mut words = Command::new(env!("CARGO_BIN_EXE_slipbound"));
-    words.args(["demo", "--task", "lift", "--fingers", "1", "--set", "longest_s=2", "-o"]).arg(&run);
+    let mut words = command(&["demo", "--task", "lift", "--fingers", "1", "--set", "longest_s=2", "-o"]);
+    words.arg(&run);
     let mut child = words.stdout(std::process::Stdio::piped()).spawn().expect("runs");
     let mut first = [0];
     let mut stdout = child.stdout.take().expect("piped");

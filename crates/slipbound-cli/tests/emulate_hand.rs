@@ -1,9 +1,12 @@
 //! A simulated hand at addresses of this computer: its cameras are watched and its gripper is queried, like real ones.
 #![cfg(unix)]
 
+mod program;
+
+use program::{signal, slipbound_in, start_in};
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 
 /// A program that is ended with the test, however that ends.
 struct Running(Child);
@@ -18,13 +21,8 @@ impl Drop for Running {
 #[test]
 fn a_hand_on_this_computer_shows_pictures_and_answers_its_gripper() {
     let scratch = tempfile::tempdir().expect("a folder");
-    let slipbound = |args: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
-        command.current_dir(scratch.path()).args(args).stdout(Stdio::piped()).stderr(Stdio::piped());
-        command
-    };
-    let mut hand =
-        slipbound(&["emulate", "hand", "--task", "lift", "-o", "hand"]).spawn().map(Running).expect("starts");
+    let slipbound = |args: &[&str]| slipbound_in(scratch.path(), args);
+    let mut hand = Running(start_in(scratch.path(), &["emulate", "hand", "--task", "lift", "-o", "hand"]));
     let mut said = BufReader::new(hand.0.stdout.take().expect("piped")).lines().map_while(Result::ok);
     let mut address = |name: &str| {
         let line = said.next().expect("a line");
@@ -39,10 +37,10 @@ fn a_hand_on_this_computer_shows_pictures_and_answers_its_gripper() {
     // A busy machine draws few frames a second.
     let watched = ["1.5", "4", "10", "20"].iter().find_map(|seconds| {
         let record = ["record", &left, &right, "-o", "seen.mcap", "--for-s", seconds];
-        let recorded = slipbound(&record).output().expect("runs");
+        let recorded = slipbound(&record);
         assert_eq!(recorded.status.code(), Some(0), "{}", String::from_utf8_lossy(&recorded.stderr));
         let watch = ["watch", "seen.mcap#right", "--sensor", "hand/right.sensor.toml", "--json", "seen.jsonl"];
-        let watched = slipbound(&watch).output().expect("runs");
+        let watched = slipbound(&watch);
         let lines = fs::read_to_string(scratch.path().join("seen.jsonl")).map_or(0, |text| text.lines().count());
         (lines > 4).then_some(watched)
     });
@@ -52,12 +50,12 @@ fn a_hand_on_this_computer_shows_pictures_and_answers_its_gripper() {
     assert!(lines.lines().count() > 4, "{lines}");
     assert!(lines.contains("\"clock\":\"device\"") && lines.contains("\"no_contact\""), "{lines}");
 
-    let asked = slipbound(&["gripper", "--help"]).output().expect("runs");
+    let asked = slipbound(&["gripper", "--help"]);
     assert!(asked.status.success());
-    let refused = slipbound(&["emulate"]).output().expect("runs");
+    let refused = slipbound(&["emulate"]);
     assert_eq!(refused.status.code(), Some(2), "neither a gripper nor a hand");
 
-    Command::new("kill").args(["-INT", &hand.0.id().to_string()]).status().expect("kill runs");
+    signal(&hand.0, "-INT");
     let rest: Vec<String> = said.collect();
     assert!(rest.iter().any(|line| line.contains("at the end: slid 0.00 mm")), "{rest:?}");
     let mut errors = String::new();

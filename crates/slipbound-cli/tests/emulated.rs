@@ -1,18 +1,13 @@
 //! The tasks through the driver of a WSG-50 and its emulator: the same endings as without, in lock-step and over
 //! sockets; what goes wrong with the gripper; what `run` and `hold` refuse.
 
+mod program;
+
+use program::{command, printed, slipbound};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
-
-fn slipbound(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_slipbound")).args(args).output().expect("runs")
-}
-
-fn printed(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
-}
+use std::process::{Output, Stdio};
 
 /// With images of the size that the released frames have: a third of the time goes.
 fn demo(folder: &Path, args: &[&str]) -> Output {
@@ -178,16 +173,14 @@ fn a_hold_on_emulated_hardware_replays_from_its_folder_alone() {
     let (seen, held) = (scratch.path().join("seen"), scratch.path().join("held"));
     let made = demo(&seen, &["--task", "lift", "--set", "longest_s=4", "--record"]);
     assert!(seen.join("left").exists(), "{}", printed(&made));
-    let mut emulator = Command::new(env!("CARGO_BIN_EXE_slipbound"))
-        .args(["emulate", "wsg50", "--width", "66", "--weight", "8", "--mu", "0.6"])
+    let mut emulator = command(&["emulate", "wsg50", "--width", "66", "--weight", "8", "--mu", "0.6"])
         .stdout(Stdio::piped())
         .spawn()
         .expect("starts");
     let mut line = String::new();
     BufReader::new(emulator.stdout.as_mut().expect("piped")).read_line(&mut line).expect("its address");
     let gripper = format!("{}?part_width_mm=66&lowering=allow", line.trim());
-    let output = Command::new(env!("CARGO_BIN_EXE_slipbound"))
-        .arg("hold")
+    let output = command(&["hold"])
         .arg(seen.join("left"))
         .arg("--sensor")
         .arg(seen.join("left.sensor.toml"))

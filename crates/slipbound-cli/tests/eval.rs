@@ -1,14 +1,14 @@
 //! Sweeps from outside: records, tables and page; shards that form the whole; invalid arguments.
 
+mod program;
+
+use program::{Ended, slipbound_in};
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 fn run(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, String) {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
-    let output = command.current_dir(folder).arg("eval").args(arguments).output().expect("runs");
-    let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
-    (output.status.code(), text(output.stdout), text(output.stderr))
+    let Ended { code, out, err } = Ended::of(slipbound_in(folder, &[&["eval"], arguments].concat()));
+    (code, out, err)
 }
 
 /// The objects pulled and turned on the ramps.

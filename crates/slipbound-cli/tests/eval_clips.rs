@@ -1,13 +1,16 @@
 //! `slipbound eval lifts` on simulated clips: labels are read for scoring alone. On the shared recordings, where they
 //! exist, held-out objects are judged as accurately as those to which a scale was fitted.
 
+mod program;
+
+use program::slipbound;
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
-fn slipbound(args: &[&str]) {
-    let output = Command::new(env!("CARGO_BIN_EXE_slipbound")).args(args).output().expect("the command runs");
+/// Runs the command, which must succeed.
+fn done(args: &[&str]) {
+    let output = slipbound(args);
     assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
 }
 
@@ -24,7 +27,7 @@ fn clips(folder: &Path) {
         let scene = format!(
             "shear?object={object}&camera=gelsight_mini&force_n=10&mu=0.5&distance_mm={distance}&speed_mm_per_s=10&grid=fast"
         );
-        slipbound(&["simulate", &scene, "-o", &shown(&recording)]);
+        done(&["simulate", &scene, "-o", &shown(&recording)]);
         fs::create_dir_all(folder.join(name)).expect("a folder");
         // From the frame in which the grip has settled.
         for n in 26..44 {
@@ -44,7 +47,7 @@ fn records(folder: &Path, labels: Option<&str>, out: &Path) -> Vec<Value> {
         None => fs::remove_file(&file).expect("labels"),
     }
     let (folder, out_shown) = (shown(folder), shown(out));
-    slipbound(&["eval", "lifts", "--data", &folder, "--detector", "ours", "--pictures", "0", "-o", &out_shown]);
+    done(&["eval", "lifts", "--data", &folder, "--detector", "ours", "--pictures", "0", "-o", &out_shown]);
     let text = fs::read_to_string(out.join("trials.jsonl")).expect("records");
     text.lines().map(|line| serde_json::from_str(line).expect("a record")).collect()
 }
@@ -78,7 +81,7 @@ fn labels_shuffled_or_absent_change_nothing_but_the_truth() {
     let resumes = |out: &Path| {
         let args =
             ["eval", "lifts", "--data", &shown(&folder), "--detector", "ours", "--pictures", "0", "-o", &shown(out)];
-        let output = Command::new(env!("CARGO_BIN_EXE_slipbound")).args(args).output().expect("the command runs");
+        let output = slipbound(&args);
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.success() || said.contains("sweep.json: sweep.settings: expected"), "{said}");
         output.status.success()
@@ -89,7 +92,7 @@ fn labels_shuffled_or_absent_change_nothing_but_the_truth() {
     let merge = |from: &str, more: &[&str], to: &str| {
         let (data, from, to) = (shown(&folder), shown(&out(from)), shown(&out(to)));
         let args = [&["eval", "merge", &from, "--data", &data, "--pictures", "0", "-o", &to], more].concat();
-        let output = Command::new(env!("CARGO_BIN_EXE_slipbound")).args(args).output().expect("the command runs");
+        let output = slipbound(&args);
         let text = |bytes| String::from_utf8_lossy(bytes).into_owned();
         (output.status.code(), text(&output.stdout), text(&output.stderr))
     };
@@ -141,7 +144,7 @@ fn the_shared_lifts_are_judged_with_each_object_left_out() {
     let temporary = tempfile::tempdir().expect("a folder");
     let out = temporary.path().join("out");
     let (data, to) = (shown(&folder), shown(&out));
-    slipbound(&["eval", "lifts", "--refit", "--data", &data, "--detector", "ours", "--pictures", "0", "-o", &to]);
+    done(&["eval", "lifts", "--refit", "--data", &data, "--detector", "ours", "--pictures", "0", "-o", &to]);
     let table: Value = serde_json::from_slice(&fs::read(out.join("table.json")).expect("a table")).expect("JSON");
     let row = &table["tables"][0]["rows"][0];
     assert!(row[2].as_u64().expect("a count") <= 1, "{row}");
@@ -162,7 +165,7 @@ fn watch_says_of_the_shared_lifts_which_slide() {
     let sources: Vec<String> = clips.iter().map(|(name, _)| shown(&folder.join(name))).collect();
     for (rest, found_count) in [(&["--rest", "held"][..], 14), (&[], 10)] {
         let args = [&["watch", "--sensor", "gelsight", "--json", &report], rest].concat();
-        slipbound(&args.into_iter().chain(sources.iter().map(String::as_str)).collect::<Vec<_>>());
+        done(&args.into_iter().chain(sources.iter().map(String::as_str)).collect::<Vec<_>>());
         let says_gross = |name: &str| {
             let report = temporary.path().join(format!("report-{name}.jsonl"));
             fs::read_to_string(report).expect("a report").contains(r#""state":"gross""#)

@@ -3,10 +3,12 @@
 //! `REGENERATE=1 cargo test -p slipbound-cli --test force_grid` runs the whole grid and writes the file again; without
 //! it a few of its cells are run and compared.
 
+mod program;
+
+use program::{command, printed};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -51,26 +53,25 @@ fn cells() -> Vec<Cell> {
 /// Runs a cell; returns its row.
 fn row(cell: &Cell, scratch: &Path, number: usize) -> String {
     let (run, settings) = (scratch.join(format!("run{number}")), scratch.join("settings.toml"));
-    let output = Command::new(env!("CARGO_BIN_EXE_slipbound"))
-        .args([
-            "demo",
-            "--fingers",
-            "1",
-            "--task",
-            "lift",
-            "--set",
-            "fill_after_s=2",
-            "--set",
-            "fill_kg_per_s=0.5",
-            "--emulated",
-            cell.gripper,
-            "--gripper-fault",
-            &cell.fault,
-        ])
-        .args([Path::new("--settings"), &settings, Path::new("-o"), &run])
-        .output()
-        .expect("runs");
-    let told = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let output = command(&[
+        "demo",
+        "--fingers",
+        "1",
+        "--task",
+        "lift",
+        "--set",
+        "fill_after_s=2",
+        "--set",
+        "fill_kg_per_s=0.5",
+        "--emulated",
+        cell.gripper,
+        "--gripper-fault",
+        &cell.fault,
+    ])
+    .args([Path::new("--settings"), &settings, Path::new("-o"), &run])
+    .output()
+    .expect("runs");
+    let told = printed(&output);
     let cycles: Vec<Value> = fs::read_to_string(run.join("reports.jsonl"))
         .expect("reports")
         .lines()

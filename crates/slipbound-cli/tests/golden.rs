@@ -1,18 +1,17 @@
 //! The report of testdata/twist.avi, byte for byte. `REGENERATE=1 cargo test -p slipbound-cli --test golden` writes it
 //! again; check the difference before you commit it.
 
+mod program;
+
+use program::slipbound_in;
 use std::path::Path;
-use std::process::Command;
 
 #[test]
 fn the_test_recording_has_the_same_report_everywhere() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let golden = root.join("testdata/twist.report.txt");
-    let output = Command::new(env!("CARGO_BIN_EXE_slipbound"))
-        .current_dir(&root)
-        .args(["watch", "testdata/twist.avi", "--sensor", "testdata/painted.toml", "--json", "-"])
-        .output()
-        .expect("the command runs");
+    let output =
+        slipbound_in(&root, &["watch", "testdata/twist.avi", "--sensor", "testdata/painted.toml", "--json", "-"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let report = String::from_utf8(output.stdout).expect("JSON is text");
     if std::env::var_os("REGENERATE").is_some() {

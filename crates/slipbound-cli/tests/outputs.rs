@@ -1,23 +1,16 @@
 //! Outputs of `watch`, and files that it uses from beside the frames; pages and scripts generated from the arguments.
 
+mod program;
+
+use program::{printed, signal, slipbound_in, start_in};
 use std::fs;
-use std::path::Path;
-use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
-
-fn slipbound(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_slipbound")).current_dir(folder).args(args).output().expect("runs")
-}
-
-fn printed(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
-}
 
 /// A folder with a short press of a finger, `clip`.
 fn clip() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = "press?rest_frames=3&press_s=0.1&settle_s=0.1&hold_s=0.1&grid=fast";
-    let done = slipbound(folder.path(), &["simulate", scene, "-o", "clip"]);
+    let done = slipbound_in(folder.path(), &["simulate", scene, "-o", "clip"]);
     assert!(done.status.success(), "{}", printed(&done));
     folder
 }
@@ -25,7 +18,7 @@ fn clip() -> tempfile::TempDir {
 #[test]
 fn a_simulated_folder_is_watched_with_its_own_finger_and_makes_a_table() {
     let folder = clip();
-    let done = slipbound(folder.path(), &["watch", "clip", "--csv", "table.csv", "--json", "lines.jsonl"]);
+    let done = slipbound_in(folder.path(), &["watch", "clip", "--csv", "table.csv", "--json", "lines.jsonl"]);
     assert!(done.status.success() && printed(&done).contains("took clip/sensor.toml"), "{}", printed(&done));
     assert!(!printed(&done).contains("unjudged"), "{}", printed(&done));
     let lines = fs::read_to_string(folder.path().join("lines.jsonl")).expect("a report");
@@ -43,7 +36,7 @@ fn a_simulated_folder_is_watched_with_its_own_finger_and_makes_a_table() {
         assert_eq!(row[column("motion_translation_px_y")].parse::<f64>().ok(), moved, "{line}");
     }
     // The same by a pattern, as C numbers files.
-    let done = slipbound(folder.path(), &["watch", "clip/frame_%06d.jpg"]);
+    let done = slipbound_in(folder.path(), &["watch", "clip/frame_%06d.jpg"]);
     assert!(done.status.success() && printed(&done).contains("took clip/sensor.toml"), "{}", printed(&done));
 }
 
@@ -52,12 +45,12 @@ fn a_shorter_overlay_leaves_no_picture_of_a_longer_one_and_nobody_elses_is_touch
     let folder = clip();
     let overlay = folder.path().join("pictures");
     let count = || fs::read_dir(&overlay).expect("there").count();
-    let done = slipbound(folder.path(), &["watch", "clip", "--overlay", "pictures"]);
+    let done = slipbound_in(folder.path(), &["watch", "clip", "--overlay", "pictures"]);
     assert!(done.status.success(), "{}", printed(&done));
     let all = count();
     fs::write(overlay.join("notes.txt"), "mine").expect("written");
     let source = "clip/frame_00000[0-4].jpg";
-    let done = slipbound(folder.path(), &["watch", source, "--overlay", "pictures"]);
+    let done = slipbound_in(folder.path(), &["watch", source, "--overlay", "pictures"]);
     assert!(done.status.success(), "{}", printed(&done));
     assert!(all > 5 && count() == 6, "{all}, then {}", count());
 }
@@ -82,7 +75,7 @@ fn a_name_that_promises_another_format_is_refused() {
         (&["scenes", "rol"], "did you mean roll?"),
         (&["sensors", "gelslm"], "did you mean `gelslim`?"),
     ] {
-        let done = slipbound(folder.path(), args);
+        let done = slipbound_in(folder.path(), args);
         assert_eq!(done.status.code(), Some(2), "{args:?}: {}", printed(&done));
         assert!(printed(&done).contains(said), "{args:?}: {}", printed(&done));
     }
@@ -95,10 +88,10 @@ fn a_sensor_file_that_is_there_is_not_calibrated_over() {
     let place = folder.path().join("own.toml");
     fs::write(&place, "# edited by hand\n").expect("written");
     let words = ["calibrate", "clip/frame_000000.jpg", "-o", "own.toml"];
-    let done = slipbound(folder.path(), &words);
+    let done = slipbound_in(folder.path(), &words);
     assert_eq!(done.status.code(), Some(2), "{}", printed(&done));
     assert_eq!(fs::read_to_string(&place).expect("there"), "# edited by hand\n");
-    let done = slipbound(folder.path(), &[&words[..], &["--force"]].concat());
+    let done = slipbound_in(folder.path(), &[&words[..], &["--force"]].concat());
     assert!(done.status.success(), "{}", printed(&done));
     assert!(fs::read_to_string(&place).expect("there").contains("pitch_px"));
 }
@@ -106,20 +99,20 @@ fn a_sensor_file_that_is_there_is_not_calibrated_over() {
 #[test]
 fn pages_scripts_scenes_and_fingers_are_shown() {
     let folder = tempfile::tempdir().expect("a folder");
-    let done = slipbound(folder.path(), &["man", "-o", "man"]);
+    let done = slipbound_in(folder.path(), &["man", "-o", "man"]);
     assert!(done.status.success(), "{}", printed(&done));
     let page = fs::read_to_string(folder.path().join("man/slipbound-watch.1")).expect("a page");
     assert!(page.contains("\\-\\-overlay"), "{page}");
-    let done = slipbound(folder.path(), &["completions", "bash"]);
+    let done = slipbound_in(folder.path(), &["completions", "bash"]);
     assert!(printed(&done).contains("complete -F _slipbound"), "{}", printed(&done));
-    let done = slipbound(folder.path(), &["scenes", "ramp"]);
+    let done = slipbound_in(folder.path(), &["scenes", "ramp"]);
     for part in ["ramp: pulled and turned", "ramp_s", "force_n", "slipbound watch 'sim:ramp"] {
         assert!(printed(&done).contains(part), "no {part}: {}", printed(&done));
     }
     // The output is a sensor file.
-    let done = slipbound(folder.path(), &["sensors", "gelslim"]);
+    let done = slipbound_in(folder.path(), &["sensors", "gelslim"]);
     fs::write(folder.path().join("own.toml"), &done.stdout).expect("written");
-    let done = slipbound(folder.path(), &["sensors", "own.toml"]);
+    let done = slipbound_in(folder.path(), &["sensors", "own.toml"]);
     assert!(done.status.success() && printed(&done).contains("pitch_px"), "{}", printed(&done));
 }
 
@@ -129,7 +122,7 @@ fn several_recordings_are_rows_of_a_table_with_files_of_their_own() {
     let written =
         ["--csv", "t.csv", "--slips", "s.jsonl", "--report", "p.html", "--overlay", "seen", "--json", "r.jsonl"];
     let words = [&["watch", "clip", "nowhere.avi", "clip"][..], &written].concat();
-    let done = slipbound(folder.path(), &words);
+    let done = slipbound_in(folder.path(), &words);
     // A missing one does not prevent the others from being judged.
     assert_eq!(done.status.code(), Some(1), "{}", printed(&done));
     let said = printed(&done);
@@ -144,7 +137,7 @@ fn several_recordings_are_rows_of_a_table_with_files_of_their_own() {
     let [first, second] =
         ["t-clip.csv", "t-clip-2.csv"].map(|name| fs::read(folder.path().join(name)).expect("a table"));
     assert_eq!(first, second, "each begins anew");
-    let done = slipbound(folder.path(), &["watch", "clip", "http://127.0.0.1:1/x"]);
+    let done = slipbound_in(folder.path(), &["watch", "clip", "http://127.0.0.1:1/x"]);
     assert_eq!(done.status.code(), Some(2), "{}", printed(&done));
 }
 
@@ -153,7 +146,7 @@ fn the_page_of_a_recording_tells_what_the_terminal_and_the_slips_tell() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = "sim:twist?grid=fast&angle_deg=30&speed_deg_per_s=60&rest_frames=3";
     let words = ["watch", scene, "--report", "page.html", "--slips", "slips.jsonl", "--csv", "t.csv"];
-    let done = slipbound(folder.path(), &words);
+    let done = slipbound_in(folder.path(), &words);
     assert!(done.status.success(), "{}", printed(&done));
     let read = |name: &str| fs::read_to_string(folder.path().join(name)).expect("written");
     let (page, slips, said) = (read("page.html"), read("slips.jsonl"), printed(&done));
@@ -173,16 +166,16 @@ fn the_page_of_a_recording_tells_what_the_terminal_and_the_slips_tell() {
         .sum();
     assert_eq!(frames, count as u64);
     // Our own may be overwritten, another's not.
-    assert!(slipbound(folder.path(), &words).status.success());
+    assert!(slipbound_in(folder.path(), &words).status.success());
     fs::write(folder.path().join("page.html"), "<html>mine</html>").expect("written");
-    assert_eq!(slipbound(folder.path(), &words).status.code(), Some(2));
+    assert_eq!(slipbound_in(folder.path(), &words).status.code(), Some(2));
 }
 
 #[test]
 fn a_torn_frame_is_no_measurement_of_zero() {
     let folder = clip();
     fs::write(folder.path().join("clip/frame_000007.jpg"), "").expect("written");
-    let done = slipbound(folder.path(), &["watch", "clip", "--report", "page.html", "--csv", "t.csv"]);
+    let done = slipbound_in(folder.path(), &["watch", "clip", "--report", "page.html", "--csv", "t.csv"]);
     assert_eq!(done.status.code(), Some(3), "{}", printed(&done));
     let read = |name: &str| fs::read_to_string(folder.path().join(name)).expect("written");
     assert!(read("t.csv").contains("\nfinger,7,7,,unjudged,torn frame,,,,"), "{}", read("t.csv"));
@@ -199,7 +192,7 @@ fn a_picture_that_stands_upright_is_asked_about() {
     encoder.encode(&[128; 320 * 427], 320, 427, jpeg_encoder::ColorType::Luma).expect("encodes");
     fs::write(folder.path().join("a.jpg"), jpeg).expect("written");
     for args in [&["watch", "a.jpg"][..], &["watch", "a.jpg", "--sensor", "gelslim"]] {
-        let done = slipbound(folder.path(), args);
+        let done = slipbound_in(folder.path(), args);
         assert!(
             done.status.code() == Some(2) && printed(&done).contains("turned by 90 degrees?"),
             "{}",
@@ -214,21 +207,21 @@ fn names_of_fingers_that_cannot_be_names_of_files_are_refused() {
     let folder = clip();
     for name in ["a/b", "", "../../evil", "zwei w\u{f6}rter", "a.b"] {
         for command in [&["record", "clip", "-o", "r.mcap"][..], &["watch", "clip", "--record", "r.mcap"]] {
-            let done = slipbound(folder.path(), &[command, &["--finger", name]].concat());
+            let done = slipbound_in(folder.path(), &[command, &["--finger", name]].concat());
             assert_eq!(done.status.code(), Some(2), "{command:?} `{name}`: {}", printed(&done));
             assert!(printed(&done).contains("expected 1 to 64 of A-Z a-z 0-9 _ -"), "`{name}`: {}", printed(&done));
         }
     }
     assert!(!folder.path().join("r.mcap").exists());
-    let done = slipbound(folder.path(), &["record", "clip", "-o", "r.mcap", "--finger", "Left_1-a"]);
+    let done = slipbound_in(folder.path(), &["record", "clip", "-o", "r.mcap", "--finger", "Left_1-a"]);
     assert!(done.status.success(), "{}", printed(&done));
 }
 
 #[test]
 fn a_source_that_is_refused_costs_no_recording() {
     let folder = clip();
-    let record = |sources: &[&str]| slipbound(folder.path(), &[&["record"], sources, &["-o", "r.mcap"]].concat());
-    let watch = |source: &str| slipbound(folder.path(), &["watch", source, "--record", "r.mcap", "--force"]);
+    let record = |sources: &[&str]| slipbound_in(folder.path(), &[&["record"], sources, &["-o", "r.mcap"]].concat());
+    let watch = |source: &str| slipbound_in(folder.path(), &["watch", source, "--record", "r.mcap", "--force"]);
     for done in [record(&["clip", "nowhere.avi"]), watch("nowhere.avi")] {
         assert!(done.status.code() == Some(2) && printed(&done).contains("no such file"), "{}", printed(&done));
         assert!(!folder.path().join("r.mcap").exists(), "nothing was recorded");
@@ -241,7 +234,7 @@ fn a_source_that_is_refused_costs_no_recording() {
         assert!(bytes() == before, "what was there is lost: {}", printed(&done));
     }
     // The frames in it may exist nowhere else.
-    let done = slipbound(folder.path(), &["watch", "clip", "--record", "r.mcap"]);
+    let done = slipbound_in(folder.path(), &["watch", "clip", "--record", "r.mcap"]);
     let told = printed(&done);
     assert!(done.status.code() == Some(2) && bytes() == before, "{told}");
     assert!(told.contains("--record: expected a new file, got ") && told.contains("a recording (--force"), "{told}");
@@ -252,11 +245,11 @@ fn a_source_that_is_refused_costs_no_recording() {
 fn a_hold_that_is_refused_costs_no_recording() {
     let folder = clip();
     let path = folder.path().join("r.mcap");
-    assert!(slipbound(folder.path(), &["record", "clip", "-o", "r.mcap"]).status.success());
+    assert!(slipbound_in(folder.path(), &["record", "clip", "-o", "r.mcap"]).status.success());
     let before = fs::read(&path).expect("there");
     let hold = |sources: &[&str], gripper: &str| {
         let more = ["--sensor", "clip/sensor.toml", "--gripper", gripper, "--record=r.mcap"];
-        slipbound(folder.path(), &[&["hold"], sources, &more].concat())
+        slipbound_in(folder.path(), &[&["hold"], sources, &more].concat())
     };
     for done in [hold(&["clip"], "wsg50://127.0.0.1:1"), hold(&["clip", "nowhere.avi"], "dry")] {
         assert!(matches!(done.status.code(), Some(1 | 2)), "{}", printed(&done));
@@ -264,7 +257,7 @@ fn a_hold_that_is_refused_costs_no_recording() {
     }
     // A run that begins records the frames read before, too.
     let done = hold(&["clip"], "dry");
-    let after = slipbound(folder.path(), &["watch", "r.mcap", "--csv", "t.csv"]);
+    let after = slipbound_in(folder.path(), &["watch", "r.mcap", "--csv", "t.csv"]);
     let is_frame = |name: &std::ffi::OsStr| name.to_string_lossy().ends_with(".jpg");
     let names = fs::read_dir(folder.path().join("clip")).expect("there");
     let frames_count = names.filter(|entry| is_frame(&entry.as_ref().expect("read").file_name())).count();
@@ -276,8 +269,8 @@ fn a_hold_that_is_refused_costs_no_recording() {
 fn a_source_that_fails_leaves_no_recording_that_passes_as_whole() {
     let folder = clip();
     let path = folder.path().join("r.mcap");
-    let record = |source: &str| slipbound(folder.path(), &["record", source, "-o", "r.mcap"]);
-    let watch = |source: &str| slipbound(folder.path(), &["watch", source, "--record", "r.mcap", "--force"]);
+    let record = |source: &str| slipbound_in(folder.path(), &["record", source, "-o", "r.mcap"]);
+    let watch = |source: &str| slipbound_in(folder.path(), &["watch", source, "--record", "r.mcap", "--force"]);
     assert!(record("clip").status.success());
     let before = fs::read(&path).expect("there");
     fs::write(folder.path().join("notes.mp4"), "bring the gel\n").expect("written");
@@ -286,9 +279,9 @@ fn a_source_that_fails_leaves_no_recording_that_passes_as_whole() {
         assert!(fs::read(&path).expect("there") == before, "what was there is lost: {}", printed(&done));
     }
     // The frames before it are kept, and the recording says that it is cut off.
-    let both = slipbound(folder.path(), &["record", "clip", "notes.mp4", "-o", "r.mcap"]);
+    let both = slipbound_in(folder.path(), &["record", "clip", "notes.mp4", "-o", "r.mcap"]);
     assert!(!both.status.success(), "{}", printed(&both));
-    let read = slipbound(folder.path(), &["watch", "r.mcap#left", "--sensor", "clip/sensor.toml"]);
+    let read = slipbound_in(folder.path(), &["watch", "r.mcap#left", "--sensor", "clip/sensor.toml"]);
     assert!(printed(&read).contains("the recording is cut off"), "{}", printed(&read));
 }
 
@@ -297,13 +290,13 @@ fn a_recording_is_judged_with_the_sensor_file_that_goes_with_it() {
     let folder = clip();
     let sensor = ["--sensor", "clip/sensor.toml"];
     let record = ["record", "clip", "-o", "rec.mcap", "--finger", "thumb"];
-    assert!(slipbound(folder.path(), &[&record[..], &sensor].concat()).status.success());
+    assert!(slipbound_in(folder.path(), &[&record[..], &sensor].concat()).status.success());
     let lines = |name: &str| {
         let text = fs::read_to_string(folder.path().join(name)).expect("a report");
         text.split_once('\n').map(|(_, lines)| lines.to_owned()).expect("a header and lines")
     };
     for (more, name) in [(&[][..], "own.jsonl"), (&sensor, "given.jsonl")] {
-        let done = slipbound(folder.path(), &[&["watch", "rec.mcap", "--json", name], more].concat());
+        let done = slipbound_in(folder.path(), &[&["watch", "rec.mcap", "--json", name], more].concat());
         assert!(done.status.success(), "{}", printed(&done));
         let took = printed(&done).contains("no --sensor given: took thumb.sensor.toml of rec.mcap");
         assert_eq!(took, more.is_empty(), "{}", printed(&done));
@@ -315,10 +308,10 @@ fn a_recording_is_judged_with_the_sensor_file_that_goes_with_it() {
 fn convert_writes_over_nothing_that_is_not_its_own() {
     let folder = tempfile::tempdir().expect("a folder");
     let words = ["demo", "--fingers", "1", "--task", "lift", "--set", "longest_s=0.3", "--record", "-o", "run"];
-    slipbound(folder.path(), &words);
+    slipbound_in(folder.path(), &words);
     let mine = folder.path().join("mine.mcap");
     fs::write(&mine, "my thesis").expect("written");
-    let convert = |to: &str| slipbound(folder.path(), &["convert", "run", "-o", to]);
+    let convert = |to: &str| slipbound_in(folder.path(), &["convert", "run", "-o", to]);
     for (to, said) in [
         ("mine.mcap", "--output: expected a new file or a recording, got mine.mcap"),
         ("run/all.mcap", "--output run/all.mcap: expected a place outside of run"),
@@ -370,12 +363,12 @@ fn numbers_and_options_that_mean_nothing_are_refused() {
         ("gripper wsg50://127.0.0.1:1?most_n=40 grasp 41", "expected a force from 5 N to 40 N per finger, got 41"),
         ("gripper wsg50://127.0.0.1:1 check-hold --low 20 --high 90", "from 5 N to 80 N per finger, got 90"),
     ] {
-        let done = slipbound(folder.path(), &line.split(' ').collect::<Vec<_>>());
+        let done = slipbound_in(folder.path(), &line.split(' ').collect::<Vec<_>>());
         assert_eq!(done.status.code(), Some(2), "{line}: {}", printed(&done));
         assert!(printed(&done).contains(said), "{line}: {}", printed(&done));
     }
     assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 0, "nothing was written");
-    let done = slipbound(folder.path(), &["gripper", "dry", "grasp", "20"]);
+    let done = slipbound_in(folder.path(), &["gripper", "dry", "grasp", "20"]);
     assert!(done.status.success(), "{}", printed(&done));
 }
 
@@ -384,7 +377,7 @@ fn numbers_and_options_that_mean_nothing_are_refused() {
 fn a_finger_that_is_touched_later_is_not_called_untouched() {
     let folder = clip();
     let sensor = ["--sensor", "clip/sensor.toml"];
-    let done = slipbound(folder.path(), &[&["doctor", "clip"], &sensor[..]].concat());
+    let done = slipbound_in(folder.path(), &[&["doctor", "clip"], &sensor[..]].concat());
     assert_eq!(done.status.code(), Some(1), "{}", printed(&done));
     let said = printed(&done);
     assert!(said.contains("BAD   untouched: something touches the finger, from frame "), "{said}");
@@ -396,7 +389,7 @@ fn a_finger_that_is_touched_later_is_not_called_untouched() {
     fs::write(folder.path().join("held.toml"), "[rest]\nheld = true\n").expect("written");
     let tare = |frames: &str| {
         let words = ["tare", "clip", "--settings", "held.toml", "--frames", frames];
-        slipbound(folder.path(), &[&words, &sensor[..]].concat())
+        slipbound_in(folder.path(), &[&words, &sensor[..]].concat())
     };
     let done = tare("12");
     assert_eq!(done.status.code(), Some(1), "{}", printed(&done));
@@ -428,7 +421,7 @@ fn frames_of_two_sizes_are_no_good_camera() {
         let picture = if number < 6 { encode(320, 240) } else { encode(64, 48) };
         fs::write(folder.path().join(format!("two/{number}.jpg")), picture).expect("written");
     }
-    let done = slipbound(folder.path(), &["doctor", "two"]);
+    let done = slipbound_in(folder.path(), &["doctor", "two"]);
     assert_eq!(done.status.code(), Some(1), "{}", printed(&done));
     let said = "BAD   one size: 4 of 10 frames are not of 320x240";
     assert!(printed(&done).contains(said), "{}", printed(&done));
@@ -440,7 +433,7 @@ fn of_a_recording_so_many_seconds_are_recorded_as_its_frames_say() {
     let folder = tempfile::tempdir().expect("a folder");
     let recording = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/twist.avi");
     for (for_s, expected_count) in [("0.5", 16), ("1", 31)] {
-        let done = slipbound(folder.path(), &["record", recording, "-o", "part.mcap", "--for-s", for_s]);
+        let done = slipbound_in(folder.path(), &["record", recording, "-o", "part.mcap", "--for-s", for_s]);
         assert!(done.status.success(), "{}", printed(&done));
         let expected = format!("part.mcap: {expected_count} frames");
         assert!(printed(&done).contains(&expected), "expected `{expected}`, got `{}`", printed(&done));
@@ -451,10 +444,10 @@ fn of_a_recording_so_many_seconds_are_recorded_as_its_frames_say() {
 #[test]
 fn seconds_of_a_recording_without_times_are_refused() {
     let folder = clip();
-    let recorded = slipbound(folder.path(), &["record", "clip", "-o", "part.mcap"]);
+    let recorded = slipbound_in(folder.path(), &["record", "clip", "-o", "part.mcap"]);
     assert!(recorded.status.success(), "{}", printed(&recorded));
     let before = fs::read(folder.path().join("part.mcap")).expect("there");
-    let done = slipbound(folder.path(), &["record", "clip", "-o", "part.mcap", "--for-s", "1"]);
+    let done = slipbound_in(folder.path(), &["record", "clip", "-o", "part.mcap", "--for-s", "1"]);
     let said = printed(&done);
     assert_eq!(done.status.code(), Some(2), "{said}");
     assert!(
@@ -474,20 +467,17 @@ fn an_interrupted_copy_of_a_recording_is_no_whole_one() {
     for number in 0..20_000 {
         std::os::unix::fs::symlink("../clip/frame_000000.jpg", path(&format!("long/{number}.jpg"))).expect("linked");
     }
-    let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
-    command.current_dir(folder.path()).args(["record", "long", "-o", "part.mcap"]);
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
+    let child = start_in(folder.path(), &["record", "long", "-o", "part.mcap"]);
     let deadline = Instant::now() + Duration::from_secs(60);
     while fs::metadata(path("part.mcap")).map_or(0, |file| file.len()) < 10_000 {
         assert!(Instant::now() < deadline, "nothing is recorded");
         std::thread::sleep(Duration::from_millis(5));
     }
-    let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("runs");
-    assert!(told.success());
+    signal(&child, "-INT");
     let ended = child.wait_with_output().expect("ends");
     let said = printed(&ended);
     assert_eq!(ended.status.code(), Some(1), "{said}");
     assert!(said.contains("interrupted after ") && said.contains("what was recorded is kept"), "{said}");
-    let watched = slipbound(folder.path(), &["record", "part.mcap", "-o", "again.mcap"]);
+    let watched = slipbound_in(folder.path(), &["record", "part.mcap", "-o", "again.mcap"]);
     assert_eq!(watched.status.code(), Some(3), "cut off: {}", printed(&watched));
 }

@@ -1,23 +1,22 @@
 //! Where commands write: foreign files stay, and a failure to write is an error (exit code 1) that names the path.
 
+mod program;
+
+use program::{printed, slipbound_in};
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
-fn slipbound(folder: &Path, line: &str) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
-    command.current_dir(folder).args(line.split(' ')).output().expect("runs")
-}
-
-fn printed(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+/// Runs the command that this line types.
+fn typed(folder: &Path, line: &str) -> Output {
+    slipbound_in(folder, &line.split(' ').collect::<Vec<_>>())
 }
 
 /// A folder with a short press of a finger, `clip`, and a foreign file, `notes`.
 fn clip() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = "press?rest_frames=3&press_s=0.1&settle_s=0.1&hold_s=0.1&grid=fast";
-    let done = slipbound(folder.path(), &format!("simulate {scene} -o clip"));
+    let done = typed(folder.path(), &format!("simulate {scene} -o clip"));
     assert!(done.status.success(), "{}", printed(&done));
     fs::write(folder.path().join("notes"), "mine").expect("written");
     folder
@@ -35,7 +34,7 @@ fn a_recording_has_the_name_of_one() {
         ("demo --task lift --record=r.bag", "--record r.bag: expected a FILE.mcap"),
         (&format!("{hold} --record=r.jsonl"), "--record r.jsonl: expected a FILE.mcap"),
     ] {
-        let done = slipbound(folder.path(), line);
+        let done = typed(folder.path(), line);
         assert!(done.status.code() == Some(2) && printed(&done).contains(said), "{line}: {}", printed(&done));
     }
     assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 2, "nothing was written");
@@ -55,7 +54,7 @@ fn what_cannot_be_written_is_a_failure_told_by_its_path() {
         ("eval table1 --trials 1 --detector paper -o notes/ev", "notes/ev"),
         ("paper --trials 1 -o notes/paper", "notes/paper"),
     ] {
-        let done = slipbound(folder.path(), line);
+        let done = typed(folder.path(), line);
         let said = format!("{place}: cannot write: ");
         assert!(done.status.code() == Some(1) && printed(&done).contains(&said), "{line}: {}", printed(&done));
     }
@@ -65,7 +64,7 @@ fn what_cannot_be_written_is_a_failure_told_by_its_path() {
 #[test]
 fn a_page_that_cannot_be_written_is_told_of_before_the_first_frame() {
     let folder = clip();
-    let done = slipbound(folder.path(), "watch clip --report nowhere/page.html --json lines.jsonl");
+    let done = typed(folder.path(), "watch clip --report nowhere/page.html --json lines.jsonl");
     assert!(done.status.code() == Some(1), "{}", printed(&done));
     assert!(
         printed(&done).contains("nowhere/page.html: cannot write: ") && !printed(&done).contains("frames"),
@@ -74,7 +73,7 @@ fn a_page_that_cannot_be_written_is_told_of_before_the_first_frame() {
     );
     let lines = fs::read_to_string(folder.path().join("lines.jsonl")).unwrap_or_default();
     assert!(lines.lines().count() <= 1, "{lines}");
-    let done = slipbound(folder.path(), "watch clip --report page.html");
+    let done = typed(folder.path(), "watch clip --report page.html");
     assert!(done.status.success(), "{}", printed(&done));
 }
 
@@ -95,7 +94,7 @@ fn files_and_folders_of_somebody_else_stay() {
         ("paper --trials 0 -o made", "invalid value '0' for '--trials <N>': 0 is not in 1.."),
         ("emulate wsg50 --log notes", "--log: expected a new file, or one that slipbound wrote, got notes"),
     ] {
-        let done = slipbound(folder.path(), line);
+        let done = typed(folder.path(), line);
         assert!(done.status.code() == Some(2) && printed(&done).contains(said), "{line}: {}", printed(&done));
     }
     for name in ["notes", "mine/report.html", "mine/paper.html"] {
@@ -117,10 +116,10 @@ fn a_name_that_leads_nowhere_is_told_what_to_do() {
         ),
         ("replay notes", "notes: expected the folder of a run, got a file"),
     ] {
-        let done = slipbound(folder.path(), line);
+        let done = typed(folder.path(), line);
         assert!(done.status.code() == Some(2) && printed(&done).contains(said), "{line}: {}", printed(&done));
     }
-    let done = slipbound(folder.path(), "scenes ramp");
+    let done = typed(folder.path(), "scenes ramp");
     assert!(
         printed(&done).contains("see `slipbound scenes`") && !printed(&done).contains("see below"),
         "{}",

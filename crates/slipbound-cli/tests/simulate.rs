@@ -1,23 +1,15 @@
 //! The simulator from outside: scenes listed, recorded, replayed and watched live.
 
+mod program;
+
+use program::{Ended, PROGRAM, slipbound_in};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The outcome of the command.
-#[derive(Debug)]
-struct Ended {
-    code: Option<i32>,
-    out: String,
-    err: String,
-}
-
 fn run(folder: &Path, arguments: &[&str]) -> Ended {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
-    let output = command.current_dir(folder).args(arguments).output().expect("runs");
-    let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
-    Ended { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+    Ended::of(slipbound_in(folder, arguments))
 }
 
 /// The frames of a report, without their times and what needs them, speeds: images in a folder have none.
@@ -135,7 +127,7 @@ fn a_long_file_of_another_kind_is_refused_without_being_read() {
         (&hold, "expected a finger at rest as `slipbound tare` writes it, got something else"),
     ] {
         let mut command = Command::new("sh");
-        command.current_dir(folder.path()).args(["-c", limited, env!("CARGO_BIN_EXE_slipbound")]).args(arguments);
+        command.current_dir(folder.path()).args(["-c", limited, PROGRAM]).args(arguments);
         let output = command.output().expect("runs");
         let err = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.code() == Some(2) && err.contains(said), "{arguments:?}: {:?} {err}", output.status);

@@ -2,6 +2,7 @@
 //! limit on the size of a file stands for the disk: writes beyond it fail in the middle, as on a full one.
 #![cfg(target_os = "linux")]
 
+use crate::program::{PROGRAM, printed};
 use std::fs;
 use std::io::Write;
 use std::net::TcpListener;
@@ -14,15 +15,11 @@ use std::time::Duration;
 /// page.
 const LIMIT_BLOCKS: &str = "160";
 
-fn slipbound(limit_blocks: &str, args: &[&str]) -> Output {
+/// Runs the command to its end with this limit, or `unlimited`.
+fn limited(limit_blocks: &str, args: &[&str]) -> Output {
     // Without the trap the limit would end the process instead of failing the write.
     let script = "trap '' XFSZ; ulimit -f \"$0\"; exec \"$@\"";
-    let program = env!("CARGO_BIN_EXE_slipbound");
-    Command::new("sh").args(["-c", script, limit_blocks, program]).args(args).output().expect("runs")
-}
-
-fn printed(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+    Command::new("sh").args(["-c", script, limit_blocks, PROGRAM]).args(args).output().expect("runs")
 }
 
 fn row(told: &str, name: &str) -> String {
@@ -48,9 +45,9 @@ fn a_full_disk_changes_nothing_in_the_loop_and_is_told_at_the_end() {
     let path = |name: &str| scratch.path().join(name).to_str().expect("UTF-8").to_owned();
     let (whole, cut, held) = (path("whole"), path("cut"), path("held"));
     let unscrew = ["demo", "--fingers", "1", "--task", "unscrew", "--emulated", "wsg50", "--record", "-o"];
-    let without = slipbound("unlimited", &[&unscrew[..], &[&whole]].concat());
+    let without = limited("unlimited", &[&unscrew[..], &[&whole]].concat());
     assert!(without.status.success(), "{}", printed(&without));
-    let with = slipbound(LIMIT_BLOCKS, &[&unscrew[..], &[&cut]].concat());
+    let with = limited(LIMIT_BLOCKS, &[&unscrew[..], &[&cut]].concat());
     check_lost(Path::new(&cut), &with);
     assert!(printed(&with).contains("report.html: cannot write"), "{}", printed(&with));
     assert!(!Path::new(&cut).join("report.html").exists(), "half a page is none");
@@ -58,14 +55,14 @@ fn a_full_disk_changes_nothing_in_the_loop_and_is_told_at_the_end() {
         assert_eq!(row(&printed(&without), name), row(&printed(&with), name), "{name}");
     }
     // The remaining part replays, up to where it is cut off.
-    let again = slipbound("unlimited", &["replay", &cut]);
+    let again = limited("unlimited", &["replay", &cut]);
     let ends = "frames.jsonl: ends before cycle";
     assert!(again.status.success() || printed(&again).contains(ends), "{}", printed(&again));
 
     // In real time, behind the queue.
     let frames = format!("{whole}/left");
     let hold = ["hold", &frames, "--sensor", "gelslim", "--gripper", "dry", "--rate-hz", "60", "--record", "-o", &held];
-    let held_on = slipbound(LIMIT_BLOCKS, &hold);
+    let held_on = limited(LIMIT_BLOCKS, &hold);
     check_lost(Path::new(&held), &held_on);
     assert!(row(&printed(&held_on), "ended").contains("Held"), "{}", printed(&held_on));
 }
@@ -77,14 +74,14 @@ fn what_watch_writes_ends_with_a_whole_line_on_a_full_disk() {
     for (option, name) in [("--json", "run.jsonl"), ("--csv", "run.csv"), ("--timings", "times.jsonl")] {
         let file = path(name);
         // Twelve blocks are 6 kB: a header and a few frames, and not on the end of a line.
-        let output = slipbound("12", &["watch", "sim:press?grid=fast", option, &file]);
+        let output = limited("12", &["watch", "sim:press?grid=fast", option, &file]);
         assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
         assert!(printed(&output).contains(&format!("{name}: cannot write: ")), "{}", printed(&output));
         let text = fs::read_to_string(&file).expect("lines");
         assert!(text.ends_with('\n') && text.lines().count() > 2, "{name}: {text}");
     }
     let page = path("page.html");
-    let output = slipbound("12", &["watch", "sim:press?grid=fast", "--report", &page]);
+    let output = limited("12", &["watch", "sim:press?grid=fast", "--report", &page]);
     assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
     assert!(!Path::new(&page).exists(), "half a page is none");
 }
@@ -95,7 +92,7 @@ fn a_finger_at_rest_that_cannot_be_written_leaves_the_one_that_was_there() {
     let file = scratch.path().join("left.rest");
     let tare = |limit: &str, count: &str| {
         let file = file.to_str().expect("UTF-8");
-        slipbound(limit, &["tare", "sim:press?grid=fast", "--frames", count, "-o", file])
+        limited(limit, &["tare", "sim:press?grid=fast", "--frames", count, "-o", file])
     };
     assert!(tare("unlimited", "10").status.success());
     let before = fs::read(&file).expect("there");
@@ -128,7 +125,7 @@ fn who_only_records_ends_when_the_disk_is_full() {
     let scratch = tempfile::tempdir().expect("a folder");
     let run = scratch.path().join("run.mcap").to_str().expect("UTF-8").to_owned();
     let from = std::time::Instant::now();
-    let output = slipbound(LIMIT_BLOCKS, &["record", &camera(), "-o", &run, "--for-s", "100"]);
+    let output = limited(LIMIT_BLOCKS, &["record", &camera(), "-o", &run, "--for-s", "100"]);
     assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
     let said = "run.mcap: cannot write on: File too large (os error 27)";
     assert!(printed(&output).trim_end().ends_with(said), "{}", printed(&output));
@@ -140,8 +137,8 @@ fn a_run_without_a_single_cycle_is_not_called_the_same() {
     let scratch = tempfile::tempdir().expect("a folder");
     let run = scratch.path().join("run").to_str().expect("UTF-8").to_owned();
     let short = ["--fingers", "1", "--task", "lift", "--set", "longest_s=0.3", "--record", "-o", &run];
-    slipbound("unlimited", &[&["demo"], &short[..]].concat());
-    let again = slipbound("unlimited", &["replay", &run]);
+    limited("unlimited", &[&["demo"], &short[..]].concat());
+    let again = limited("unlimited", &["replay", &run]);
     assert_eq!(again.status.code(), Some(1), "{}", printed(&again));
     assert!(
         printed(&again).contains("expected cycles in which something was commanded, got none"),

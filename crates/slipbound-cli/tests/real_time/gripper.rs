@@ -1,16 +1,11 @@
 //! The commands `gripper` and `emulate` from outside, over loopback.
 
+use crate::program::{command, signal};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpListener;
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdout, Stdio};
 use std::thread::{self, sleep};
 use std::time::{Duration, Instant};
-
-fn slipbound(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
-    command.args(arguments);
-    command
-}
 
 /// An emulator in a process of its own, and its address.
 struct Emulator {
@@ -22,7 +17,7 @@ struct Emulator {
 impl Emulator {
     fn new(arguments: &[&str]) -> Self {
         let arguments = [&["emulate"], arguments].concat();
-        let mut process = slipbound(&arguments)
+        let mut process = command(&arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -37,15 +32,14 @@ impl Emulator {
     /// The outcome of a gripper command: exit code, standard output, standard error.
     fn gripper(&self, query: &str, action: &[&str]) -> (Option<i32>, String, String) {
         let address = format!("{}{query}", self.address);
-        let output = slipbound(&[&["gripper", &address], action].concat()).output().expect("runs");
+        let output = command(&[&["gripper", &address], action].concat()).output().expect("runs");
         let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
         (output.status.code(), text(output.stdout), text(output.stderr))
     }
 
     /// Ends it by Ctrl-C; returns its last output.
     fn end(mut self) -> String {
-        let interrupt = Command::new("kill").args(["-INT", &self.process.id().to_string()]).status();
-        assert!(interrupt.expect("kill runs").success());
+        signal(&self.process, "-INT");
         let mut rest = String::new();
         self.out.read_to_string(&mut rest).expect("text");
         assert!(self.process.wait().expect("ends").success());
@@ -84,7 +78,7 @@ fn a_block_is_grasped_checked_and_released() {
 fn a_killed_command_leaves_the_force_and_a_fast_stop_that_is_explained() {
     let emulator = Emulator::new(&["wsg50"]);
     let address = format!("{}{WIDE}", emulator.address);
-    let mut command = slipbound(&["gripper", &address, "check-hold"]);
+    let mut command = command(&["gripper", &address, "check-hold"]);
     let mut running = command.stdout(Stdio::piped()).spawn().expect("runs");
     let mut lines = BufReader::new(running.stdout.take().expect("piped")).lines();
     for _ in 0..2 {
@@ -187,7 +181,7 @@ fn what_cannot_be_is_a_bad_argument_and_what_is_not_there_a_failure() {
         (&["emulate", "wsg51"], 2, "possible values: wsg50, gcl, robotiq, robotiq-rtu, line"),
         (&["emulate", "wsg50", "--width", "-3"], 2, "-3"),
     ] {
-        let output = slipbound(arguments).output().expect("runs");
+        let output = command(arguments).output().expect("runs");
         let err = String::from_utf8(output.stderr).expect("UTF-8");
         assert_eq!(output.status.code(), Some(code), "{arguments:?}: {err}");
         assert!(err.contains(said), "no `{said}` in {err}");
@@ -198,7 +192,7 @@ fn what_cannot_be_is_a_bad_argument_and_what_is_not_there_a_failure() {
 fn pressed_finger(folder: &std::path::Path, hold_s: u32) -> (String, String) {
     let clip = folder.join("clip").display().to_string();
     let scene = format!("press?rest_frames=30&hold_s={hold_s}&grid=fast&camera=gelsight_mini");
-    assert!(slipbound(&["simulate", &scene, "-o", &clip]).output().expect("runs").status.success());
+    assert!(command(&["simulate", &scene, "-o", &clip]).output().expect("runs").status.success());
     let sensor = format!("{clip}/sensor.toml");
     (clip, sensor)
 }
@@ -216,13 +210,13 @@ fn a_terminal_that_takes_nothing_keeps_no_hold_from_its_end() {
     while full.write(&[b'x'; 512]).or_else(|_| full.write(b"x")).is_ok() {}
     full.set_nonblocking(false).expect("set");
     let run = folder.path().join("run").display().to_string();
-    let mut hold = slipbound(&["hold", &clip, "--sensor", &sensor, "--gripper", "dry", "-o", &run])
+    let mut hold = command(&["hold", &clip, "--sensor", &sensor, "--gripper", "dry", "-o", &run])
         .stdout(std::os::fd::OwnedFd::from(full.try_clone().expect("cloned")))
         .stderr(std::os::fd::OwnedFd::from(full))
         .spawn()
         .expect("runs");
     sleep(Duration::from_secs(4));
-    assert!(Command::new("kill").arg(hold.id().to_string()).status().expect("kill runs").success());
+    signal(&hold, "-TERM");
     let from = Instant::now();
     let ended = loop {
         match hold.try_wait().expect("waits") {
@@ -252,7 +246,7 @@ fn a_recording_falls_on_nothing_that_is_read_and_on_no_other_file() {
         let hold = ["hold", &clip, "--sensor", &sensor, "--gripper", "dry", "--for-s", "0", &written];
         for arguments in [&hold[..], &["record", &clip, "--sensor", &sensor, "-o", &path], &["demo", &written]] {
             // The demo reads none of them, but a file that is not a recording is not overwritten either.
-            let output = slipbound(arguments).current_dir(folder.path()).output().expect("runs");
+            let output = command(arguments).current_dir(folder.path()).output().expect("runs");
             let err = String::from_utf8(output.stderr).expect("UTF-8");
             let named = err.contains("--record") || err.contains("--output");
             assert!(output.status.code() == Some(2) && named, "{arguments:?}: {:?} {err}", output.status);
@@ -280,7 +274,7 @@ fn a_gripper_that_says_why_it_cannot_grip_is_not_waited_for() {
         }
     });
     let from = Instant::now();
-    let output = slipbound(&["gripper", &address, "grasp", "20"]).output().expect("runs");
+    let output = command(&["gripper", &address, "grasp", "20"]).output().expect("runs");
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1), "{told}");
     assert!(told.contains("expected GRIP to be done, got status 18, command failed"), "{told}");

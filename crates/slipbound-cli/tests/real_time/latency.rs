@@ -1,13 +1,12 @@
 //! The command `latency` from outside.
 
+use crate::program::{command, signal};
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 fn latency(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
-    command.arg("latency").args(arguments);
-    command
+    command(&[&["latency"], arguments].concat())
 }
 
 /// The only camera that blocks delivers nothing to measure from: its row is left out.
@@ -34,8 +33,7 @@ fn an_interrupted_measurement_says_so() {
         assert!(out.read_line(&mut line).expect("a line") > 0, "it ended too early");
     }
     let from = Instant::now();
-    let interrupt = Command::new("kill").args(["-INT", &process.id().to_string()]).status();
-    assert!(interrupt.expect("kill runs").success());
+    signal(&process, "-INT");
     let mut err = String::new();
     process.stderr.take().expect("piped").read_to_string(&mut err).expect("text");
     assert_eq!(process.wait().expect("ends").code(), Some(1), "{err}");

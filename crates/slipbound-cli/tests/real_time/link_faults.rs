@@ -2,12 +2,13 @@
 //! processes of their own, and between them a line that can be cut, stalled or left half open.
 //! `cargo test -p slipbound-cli --test real_time link_faults -- --nocapture` prints the rows of docs/grippers.md.
 
+use crate::program::{command, signal};
 use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::thread::{sleep, spawn};
@@ -17,17 +18,8 @@ use tempfile::TempDir;
 /// Longest time for which a wrist may move on after any fault: its time to live and a little for a busy computer.
 const WRIST_MS: u64 = 450;
 
-fn slipbound() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_slipbound"))
-}
-
 fn unix_ns() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970").as_nanos() as u64
-}
-
-fn signal(child: &Child, name: &str) {
-    let told = Command::new("kill").args([name, &child.id().to_string()]).status().expect("kill runs");
-    assert!(told.success());
 }
 
 /// An emulator in a process of its own; killed when dropped.
@@ -40,8 +32,7 @@ struct Emulator {
 impl Emulator {
     fn start(name: &str, log: PathBuf, args: &[&str]) -> Self {
         let path = log.to_str().expect("UTF-8");
-        let mut child = slipbound()
-            .args(["emulate", name, "--log", path])
+        let mut child = command(&["emulate", name, "--log", path])
             .args(args)
             .arg("--fail-stdin")
             .stdin(Stdio::piped())
@@ -170,7 +161,7 @@ impl Lifting {
             let folder = tempfile::tempdir().expect("a folder");
             let args = ["demo", "--task", "lift", "--fingers", "1", "--set", "height_px=320", "--record", "-o"];
             let run = folder.path().join("frames");
-            let made = slipbound().args(args).arg(run).stdout(Stdio::null()).status().expect("runs");
+            let made = command(&[]).args(args).arg(run).stdout(Stdio::null()).status().expect("runs");
             assert!(made.success());
             folder
         });
@@ -188,7 +179,7 @@ impl Lifting {
         let settings = folder.join("settings.toml");
         fs::write(&settings, "[lift]\nlift_mm = 400.0\nrate_mm_per_s = 20.0\n").expect("written");
         let gripper_address = format!("wsg50://{}?part_width_mm=66{query}", gripper_line.place);
-        let run = slipbound()
+        let run = command(&[])
             .args(["run", "lift"])
             .arg(frames)
             .arg("--sensor")
@@ -306,7 +297,7 @@ fn a_killed_program_leaves_the_force_and_a_wrist_that_pauses() {
     assert_eq!(lifting.end().0, None);
     sleep(Duration::from_millis(700));
     row("our process: kill -KILL", &lifting, since_ns, unix_ns(), 0, "fast stop latched, force kept");
-    let told = slipbound().args(["gripper", &format!("wsg50://{}", lifting.gripper.place), "status"]).output();
+    let told = command(&["gripper", &format!("wsg50://{}", lifting.gripper.place), "status"]).output();
     let told = String::from_utf8_lossy(&told.expect("runs").stdout).into_owned();
     assert!(told.contains("stopped"), "{told}");
 }

@@ -2,12 +2,12 @@
 //! them.
 #![cfg(unix)]
 
+use crate::program::{printed, signal, slipbound_in, start_in};
 use serde_json::Value;
 use std::fs;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -78,21 +78,6 @@ fn play(mut socket: TcpStream, trouble: Trouble) -> std::io::Result<()> {
     Ok(())
 }
 
-fn slipbound(folder: &Path, args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
-    command.current_dir(folder).args(args).stdout(Stdio::piped()).stderr(Stdio::piped());
-    command
-}
-
-fn interrupt(child: &Child) {
-    let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
-    assert!(told.success());
-}
-
-fn printed(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
-}
-
 /// Waits until a file has this many lines.
 fn until_lines(path: &Path, count: usize) {
     let from = Instant::now();
@@ -115,9 +100,9 @@ fn what_was_watched_live_is_judged_again_from_its_recording_to_the_same_lines() 
     let trouble = Trouble { stall: Some((30, Duration::from_millis(700))), tears: Some(40), ..Trouble::default() };
     let url = serve(trouble);
     let live = ["--json", "live.jsonl", "--record", "run.mcap", "--rest", "live:20", &url];
-    let child = slipbound(scratch.path(), &[&WATCH[..], &live].concat()).spawn().expect("starts");
+    let child = start_in(scratch.path(), &[&WATCH[..], &live].concat());
     until_lines(&scratch.path().join("live.jsonl"), 60);
-    interrupt(&child);
+    signal(&child, "-INT");
     let ended = child.wait_with_output().expect("ends");
     let said = printed(&ended);
     assert_eq!(ended.status.code(), Some(3), "a torn frame: {said}");
@@ -125,7 +110,7 @@ fn what_was_watched_live_is_judged_again_from_its_recording_to_the_same_lines() 
         assert!(said.contains(words), "no `{words}` in {said}");
     }
     let again = ["--json", "again.jsonl", "--rest", "live:20", "run.mcap"];
-    let replayed = slipbound(scratch.path(), &[&WATCH[..], &again].concat()).output().expect("runs");
+    let replayed = slipbound_in(scratch.path(), &[&WATCH[..], &again].concat());
     let (live, again) = (lines(&scratch.path().join("live.jsonl")), lines(&scratch.path().join("again.jsonl")));
     assert!(live.len() >= 59, "{}", live.len());
     assert_eq!(live, again);
@@ -141,12 +126,12 @@ fn a_recording_that_was_killed_is_readable_to_its_last_chunk() {
     let scratch = tempfile::tempdir().expect("a folder");
     let url = serve(Trouble::default());
     let live = ["--json", "live.jsonl", "--record", "run.mcap", &url];
-    let mut child = slipbound(scratch.path(), &[&WATCH[..], &live].concat()).spawn().expect("starts");
+    let mut child = start_in(scratch.path(), &[&WATCH[..], &live].concat());
     until_lines(&scratch.path().join("live.jsonl"), 80);
     child.kill().expect("kill -9");
     child.wait().expect("ends");
     let again = ["--json", "again.jsonl", "run.mcap"];
-    let replayed = slipbound(scratch.path(), &[&WATCH[..], &again].concat()).output().expect("runs");
+    let replayed = slipbound_in(scratch.path(), &[&WATCH[..], &again].concat());
     let said = printed(&replayed);
     assert!(said.contains("cut off"), "{said}");
     // Other readers stop, or fail, at an impossible length.
@@ -168,10 +153,10 @@ fn two_cameras_hold_are_recorded_and_a_blocked_one_does_not_keep_ctrl_c_waiting(
     let (left, right) = (serve(Trouble::default()), serve(Trouble { silent_from: Some(90), ..Trouble::default() }));
     let hold = ["hold", &left, &right, "--sensor", "gelsight_mini_wide", "--gripper", "dry", "--rest", "live:20"];
     let files = ["--record=run.mcap", "-o", "run"];
-    let child = slipbound(scratch.path(), &[&hold[..], &files].concat()).spawn().expect("starts");
+    let child = start_in(scratch.path(), &[&hold[..], &files].concat());
     until_lines(&scratch.path().join("run/reports.jsonl"), 130);
     let from = Instant::now();
-    interrupt(&child);
+    signal(&child, "-INT");
     let ended = child.wait_with_output().expect("ends");
     assert!(from.elapsed() < Duration::from_secs(8), "{:?}", from.elapsed());
     let said = printed(&ended);
@@ -179,7 +164,7 @@ fn two_cameras_hold_are_recorded_and_a_blocked_one_does_not_keep_ctrl_c_waiting(
         assert!(said.contains(words), "no `{words}` in {said}");
     }
     let again = ["--json", "left.jsonl", "run.mcap#left"];
-    let replayed = slipbound(scratch.path(), &[&WATCH[..], &again].concat()).output().expect("runs");
+    let replayed = slipbound_in(scratch.path(), &[&WATCH[..], &again].concat());
     assert_eq!(replayed.status.code(), Some(0), "{}", printed(&replayed));
     assert!(lines(&scratch.path().join("left.jsonl")).len() > 100);
     let run = fs::read_to_string(scratch.path().join("run/run.toml")).expect("what was run");
@@ -191,16 +176,16 @@ fn record_takes_cameras_as_they_come_and_devices_needs_none() {
     let scratch = tempfile::tempdir().expect("a folder");
     let (left, right) = (serve(Trouble::default()), serve(Trouble::default()));
     let record = ["record", &left, &right, "-o", "run.mcap", "--for-s", "1.5", "--sensor", "gelsight_mini_wide"];
-    let ended = slipbound(scratch.path(), &record).output().expect("runs");
+    let ended = slipbound_in(scratch.path(), &record);
     assert_eq!(ended.status.code(), Some(0), "{}", printed(&ended));
     assert!(printed(&ended).contains("left: ") && printed(&ended).contains(" Hz"), "{}", printed(&ended));
-    let watched = slipbound(scratch.path(), &[&WATCH[..], &["run.mcap#right"]].concat()).output().expect("runs");
+    let watched = slipbound_in(scratch.path(), &[&WATCH[..], &["run.mcap#right"]].concat());
     assert_eq!(watched.status.code(), Some(0), "{}", printed(&watched));
 
-    let devices = slipbound(scratch.path(), &["devices"]).output().expect("runs");
+    let devices = slipbound_in(scratch.path(), &["devices"]);
     assert_eq!(devices.status.code(), Some(0), "{}", printed(&devices));
     assert!(printed(&devices).contains("wsg50://HOST:1000"), "{}", printed(&devices));
-    let rules = slipbound(scratch.path(), &["devices", "--udev"]).output().expect("runs");
+    let rules = slipbound_in(scratch.path(), &["devices", "--udev"]);
     assert!(printed(&rules).contains("SUBSYSTEM==\"video4linux\""), "{}", printed(&rules));
 }
 
@@ -208,12 +193,12 @@ fn record_takes_cameras_as_they_come_and_devices_needs_none() {
 fn what_is_judged_in_part_is_recorded_as_cut_off() {
     let scratch = tempfile::tempdir().expect("a folder");
     let watch = ["watch", "sim:press?hold_s=1000&grid=fast", "--record", "run.mcap", "--json", "lines.jsonl"];
-    let child = slipbound(scratch.path(), &watch).spawn().expect("starts");
+    let child = start_in(scratch.path(), &watch);
     until_lines(&scratch.path().join("lines.jsonl"), 10);
-    interrupt(&child);
+    signal(&child, "-INT");
     let ended = child.wait_with_output().expect("ends");
     assert_eq!(ended.status.code(), Some(1), "{}", printed(&ended));
-    let again = slipbound(scratch.path(), &["watch", "run.mcap"]).output().expect("runs");
+    let again = slipbound_in(scratch.path(), &["watch", "run.mcap"]);
     assert!(printed(&again).contains("the recording is cut off"), "{}{}", printed(&ended), printed(&again));
 }
 
@@ -225,10 +210,10 @@ fn a_camera_that_is_there_first_is_recorded_from_when_the_last_one_is() {
     let late = Trouble { answers_after: Duration::from_secs(2), ..Trouble::default() };
     let (left, right) = (serve(Trouble::default()), serve(late));
     let record = ["record", &left, &right, "-o", "run.mcap", "--for-s", "1"];
-    let ended = slipbound(scratch.path(), &record).output().expect("runs");
+    let ended = slipbound_in(scratch.path(), &record);
     assert_eq!(ended.status.code(), Some(0), "{}", printed(&ended));
     let again = ["--json", "left.jsonl", "run.mcap#left"];
-    let watched = slipbound(scratch.path(), &[&WATCH[..], &again].concat()).output().expect("runs");
+    let watched = slipbound_in(scratch.path(), &[&WATCH[..], &again].concat());
     let lines = lines(&scratch.path().join("left.jsonl"));
     let first: Value = serde_json::from_str(lines.first().expect("a frame")).expect("JSON");
     assert!(first["seq"].as_u64().is_some_and(|seq| seq > 15), "{first}{}", printed(&watched));
@@ -238,7 +223,7 @@ fn a_camera_that_is_there_first_is_recorded_from_when_the_last_one_is() {
 #[test]
 fn doctor_calls_nothing_good_that_a_stream_does_not_tell() {
     let scratch = tempfile::tempdir().expect("a folder");
-    let seen = slipbound(scratch.path(), &["doctor", &serve(Trouble::default())]).output().expect("runs");
+    let seen = slipbound_in(scratch.path(), &["doctor", &serve(Trouble::default())]);
     assert!(printed(&seen).contains("good  rate: "), "{}", printed(&seen));
     assert!(printed(&seen).contains("look  locked: a stream does not tell\n      lock exposure"), "{}", printed(&seen));
 }
@@ -253,7 +238,7 @@ fn what_cannot_be_a_camera_is_refused() {
         ("http://127.0.0.1:1/", 1, "127.0.0.1:1"),
         ("http://", 2, "expected http://HOST"),
     ] {
-        let ended = slipbound(scratch.path(), &["watch", uri]).output().expect("runs");
+        let ended = slipbound_in(scratch.path(), &["watch", uri]);
         assert_eq!(ended.status.code(), Some(code), "{uri}: {}", printed(&ended));
         assert!(printed(&ended).contains(expected), "{uri}: {}", printed(&ended));
     }
@@ -263,7 +248,7 @@ fn what_cannot_be_a_camera_is_refused() {
 #[test]
 fn a_touched_finger_is_refused_where_rest_is_to_be_live() {
     let scratch = tempfile::tempdir().expect("a folder");
-    let made = slipbound(scratch.path(), &["simulate", "ramp", "--seed", "3", "-o", "all"]).output().expect("runs");
+    let made = slipbound_in(scratch.path(), &["simulate", "ramp", "--seed", "3", "-o", "all"]);
     assert!(made.status.success(), "{}", printed(&made));
     let mut frames: Vec<_> =
         fs::read_dir(scratch.path().join("all")).expect("a folder").flatten().map(|e| e.path()).collect();
@@ -276,7 +261,7 @@ fn a_touched_finger_is_refused_where_rest_is_to_be_live() {
     }
     for (source, code) in [("all", 0), ("touched", 1)] {
         let watch = ["watch", source, "--sensor", "all/sensor.toml", "--rest", "live:10"];
-        let ended = slipbound(scratch.path(), &watch).output().expect("runs");
+        let ended = slipbound_in(scratch.path(), &watch);
         assert_eq!(ended.status.code(), Some(code), "{source}: {}", printed(&ended));
         assert_eq!(
             printed(&ended).contains("expected a finger that nothing touches"),
@@ -286,10 +271,10 @@ fn a_touched_finger_is_refused_where_rest_is_to_be_live() {
         );
     }
     let hold = ["hold", "touched", "--sensor", "all/sensor.toml", "--gripper", "dry", "--rest", "live:10", "-o", "run"];
-    let ended = slipbound(scratch.path(), &hold).output().expect("runs");
+    let ended = slipbound_in(scratch.path(), &hold);
     assert_eq!(ended.status.code(), Some(1), "{}", printed(&ended));
     assert!(printed(&ended).contains("expected a finger that nothing touches"), "{}", printed(&ended));
-    let ended = slipbound(scratch.path(), &["tare", "touched", "--sensor", "all/sensor.toml"]).output().expect("runs");
+    let ended = slipbound_in(scratch.path(), &["tare", "touched", "--sensor", "all/sensor.toml"]);
     assert_eq!(ended.status.code(), Some(1), "{}", printed(&ended));
     for words in
         ["tare: touched: expected a finger that nothing touches", "frame 0 (frame_0000", "look like pressed weave"]
@@ -304,7 +289,7 @@ fn a_rest_that_was_kept_judges_as_the_live_one_and_no_other_passes_for_it() {
     let scratch = tempfile::tempdir().expect("a folder");
     let ended = |line: &str| {
         let words: Vec<&str> = line.split(' ').collect();
-        let output = slipbound(scratch.path(), &words).output().expect("runs");
+        let output = slipbound_in(scratch.path(), &words);
         (output.status.code(), printed(&output))
     };
     let done = |line: &str| {

@@ -6,3 +6,5 @@ mod gripper;
 mod latency;
 mod link_faults;
 mod live;
+#[path = "../program/mod.rs"]
+mod program;

@@ -1,6 +1,7 @@
 //! Valid and invalid arguments.
 
-use super::trial::{Ended, SENSOR, SIZE, Trial, encode, jpeg};
+use super::trial::{SENSOR, SIZE, Trial, encode, jpeg};
+use crate::program::Ended;
 use slipbound::image::SizePx;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use slipbound_rig::container::{Recorder, TappedSource};

@@ -1,6 +1,7 @@
 //! No frame is judged by a later one: a report is the same when the recording ends with its frame.
 
-use crate::trial::{Ended, Trial, encode, states};
+use crate::program::Ended;
+use crate::trial::{Trial, encode, states};
 use slipbound::image::SizePx;
 use std::fs;
 

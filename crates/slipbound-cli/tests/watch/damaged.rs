@@ -1,6 +1,7 @@
 //! Recordings that are damaged, or not what they seem.
 
-use super::trial::{Ended, SENSOR, SIZE, Trial, encode, states, write_avi};
+use super::trial::{SENSOR, SIZE, Trial, encode, states, write_avi};
+use crate::program::Ended;
 use slipbound::image::SizePx;
 use std::fs;
 

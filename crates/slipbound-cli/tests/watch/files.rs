@@ -1,6 +1,7 @@
 //! Which files are written, and which are never overwritten or lost.
 
-use super::trial::{Ended, SENSOR, Trial, jpeg, states, write_avi};
+use super::trial::{SENSOR, Trial, jpeg, states, write_avi};
+use crate::program::Ended;
 use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader};

@@ -4,6 +4,8 @@ mod arguments;
 mod causal;
 mod damaged;
 mod files;
+#[path = "../program/mod.rs"]
+mod program;
 mod trial;
 
 use std::fs;

@@ -1,11 +1,12 @@
 //! A folder with a recording made for the test, and the command run on it.
 
+use crate::program::{Ended, command};
 use serde_json::Value;
 use slipbound::image::SizePx;
 use slipbound_rig::avi_writer::AviWriter;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 pub const SIZE: SizePx = SizePx::new(320, 240);
 pub const SENSOR: [&str; 2] = ["--sensor", "gelsight_mini_wide"];
@@ -55,8 +56,8 @@ impl Trial {
     }
 
     pub fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_slipbound"));
-        command.current_dir(self.dir.path()).args(arguments);
+        let mut command = command(arguments);
+        command.current_dir(self.dir.path());
         command
     }
 
@@ -70,32 +71,6 @@ impl Trial {
         let text = fs::read_to_string(self.path(name)).expect("a report");
         assert!(text.ends_with('\n'), "the last line is whole");
         text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
-    }
-}
-
-/// The outcome of the command.
-#[derive(Debug)]
-pub struct Ended {
-    pub code: Option<i32>,
-    pub out: String,
-    pub err: String,
-}
-
-impl Ended {
-    pub fn of(output: Output) -> Self {
-        let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
-        Ended { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
-    }
-
-    /// Asserts the exit code, and that these words are on standard error.
-    #[track_caller]
-    pub fn expect(&self, code: i32, said: &[&str]) -> &Self {
-        assert_eq!(self.code, Some(code), "{self:?}");
-        for words in said {
-            assert!(self.err.contains(words), "no `{words}` in {self:?}");
-        }
-        assert!(!self.err.contains("panicked"), "{self:?}");
-        self
     }
 }
 
