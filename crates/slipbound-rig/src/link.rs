@@ -11,7 +11,7 @@ mod serial;
 mod stream;
 mod tcp;
 
-pub use clock::now_ns;
+pub use clock::{now_ns, time_of_day_ns};
 pub use connection::Connection;
 pub use endpoint::Endpoint;
 pub(crate) use health::{LinkHealth, LinkProblem};

@@ -8,7 +8,8 @@ use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::{Terminal, complain};
 use slipbound_rig::emulator::{Block, Emulator, Faults, LoggedBlock, NAMES, by_name, faults, serve_tcp};
-use std::fs::File;
+use slipbound_rig::line_file::LineFile;
+use slipbound_rig::link::{now_ns, time_of_day_ns};
 use std::io::{BufRead, stdin};
 use std::net::{IpAddr, Ipv4Addr, TcpListener};
 use std::path::PathBuf;
@@ -118,9 +119,10 @@ impl Emulate {
         let width_mm = (self.width > 0.0).then_some(self.width);
         let block = Block { width_mm, least_n: self.weight / (2.0 * self.mu), ..Block::default() };
         let create = |path: &PathBuf| {
-            File::create(path).map_err(|e| Failure::work(format!("{}: cannot write", path.display()), e))
+            LineFile::create(path).map_err(|e| Failure::work(format!("{}: cannot write", path.display()), e))
         };
-        let mut block = LoggedBlock::new(block, self.log.as_ref().map(create).transpose()?);
+        let log = self.log.as_ref().map(create).transpose()?;
+        let mut block = LoggedBlock::new(block, log, time_of_day_ns().saturating_sub(now_ns()));
         let lines = lines_of_stdin(self.fail_stdin);
         let mut go_on = |emulator: &mut Emulator| {
             inject_asked(&lines, emulator);
@@ -131,22 +133,25 @@ impl Emulate {
             _ => self.serve_tcp(name, &mut emulator, &mut block, &mut go_on)?,
         }
         let (force_n, opening_mm) = (emulator.force_n(), emulator.opening_mm());
-        let block = match (block.block.is_carried, block.block.width_mm) {
+        let what = match (block.block.is_carried, block.block.width_mm) {
             (true, _) => "the block is held",
             (false, Some(_)) => "the block is not held",
             (false, None) if self.width > 0.0 => "the block has fallen",
             (false, None) => "no block",
         };
-        Terminal::plain()
-            .say(&format!("at the end: {force_n:.2} N per finger, opening {opening_mm:.2} mm, {block}"))?;
-        Ok(Outcome::Done)
+        let mut terminal = Terminal::plain();
+        terminal.say(&format!("at the end: {force_n:.2} N per finger, opening {opening_mm:.2} mm, {what}"))?;
+        let (Some((count, first)), Some(log)) = (block.failed_lines(), &self.log) else { return Ok(Outcome::Done) };
+        let log = log.display();
+        terminal.note(&format!("--log: {log}: {count} lines could not be written, the first: {first}"));
+        Ok(Outcome::DataLost)
     }
 
     fn serve_tcp(
         &self,
         name: &str,
         emulator: &mut Emulator,
-        block: &mut LoggedBlock<File>,
+        block: &mut LoggedBlock<LineFile>,
         go_on: &mut dyn FnMut(&mut Emulator) -> bool,
     ) -> Result<(), Failure> {
         let port = self.port.unwrap_or(0);
@@ -161,7 +166,7 @@ impl Emulate {
 #[cfg(not(target_os = "linux"))]
 fn serve_serial(
     _: &mut Emulator,
-    _: &mut LoggedBlock<File>,
+    _: &mut LoggedBlock<LineFile>,
     _: &mut dyn FnMut(&mut Emulator) -> bool,
 ) -> Result<(), Failure> {
     Err(Failure::Arguments(anyhow::anyhow!("robotiq-rtu: expected Linux, whose pseudo-terminals have names")))
@@ -170,7 +175,7 @@ fn serve_serial(
 #[cfg(target_os = "linux")]
 fn serve_serial(
     emulator: &mut Emulator,
-    block: &mut LoggedBlock<File>,
+    block: &mut LoggedBlock<LineFile>,
     go_on: &mut dyn FnMut(&mut Emulator) -> bool,
 ) -> Result<(), Failure> {
     use slipbound_rig::emulator::serve_link;

@@ -2,12 +2,12 @@
 //! limit on the size of a file stands for the disk: writes beyond it fail in the middle, as on a full one.
 #![cfg(target_os = "linux")]
 
-use crate::program::{PROGRAM, printed};
+use crate::program::{PROGRAM, printed, signal};
 use std::fs;
-use std::io::Write;
+use std::io::{BufRead, BufReader, Write};
 use std::net::TcpListener;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use std::thread;
 use std::time::Duration;
 
@@ -15,11 +15,18 @@ use std::time::Duration;
 /// page.
 const LIMIT_BLOCKS: &str = "160";
 
-/// Runs the command to its end with this limit, or `unlimited`.
-fn limited(limit_blocks: &str, args: &[&str]) -> Output {
+/// The command with this limit, or `unlimited`.
+fn command(limit_blocks: &str, args: &[&str]) -> Command {
     // Without the trap the limit would end the process instead of failing the write.
     let script = "trap '' XFSZ; ulimit -f \"$0\"; exec \"$@\"";
-    Command::new("sh").args(["-c", script, limit_blocks, PROGRAM]).args(args).output().expect("runs")
+    let mut command = Command::new("sh");
+    command.args(["-c", script, limit_blocks, PROGRAM]).args(args);
+    command
+}
+
+/// Runs it to its end.
+fn limited(limit_blocks: &str, args: &[&str]) -> Output {
+    command(limit_blocks, args).output().expect("runs")
 }
 
 fn row(told: &str, name: &str) -> String {
@@ -145,4 +152,28 @@ fn a_run_without_a_single_cycle_is_not_called_the_same() {
         "{}",
         printed(&again)
     );
+}
+
+#[test]
+fn an_emulator_whose_log_is_cut_short_serves_on_and_says_so() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let log = scratch.path().join("log.jsonl");
+    let args = ["emulate", "wsg50", "--log", log.to_str().expect("UTF-8")];
+    let mut emulator = command("4", &args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
+    let mut out = BufReader::new(emulator.stdout.take().expect("piped"));
+    let mut address = String::new();
+    out.read_line(&mut address).expect("its address");
+    // Four blocks are 2 kB, a fifth of a second; they begin with the first client.
+    for _ in 0..4 {
+        let status = limited("unlimited", &["gripper", address.trim(), "status"]);
+        assert!(status.status.success(), "{}", printed(&status));
+        thread::sleep(Duration::from_millis(300));
+    }
+    signal(&emulator, "-INT");
+    let ended = emulator.wait_with_output().expect("ends");
+    assert_eq!(ended.status.code(), Some(3), "{}", printed(&ended));
+    let said = printed(&ended);
+    assert!(said.contains("log.jsonl: ") && said.contains(" lines could not be written, the first: "), "{said}");
+    let text = fs::read_to_string(&log).expect("lines");
+    assert!(text.ends_with("}\n") && text.lines().count() > 5, "{text}");
 }

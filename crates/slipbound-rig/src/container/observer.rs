@@ -3,8 +3,9 @@
 use super::annotations;
 use super::frame_record::{Fate, FrameRecord};
 use super::mcap_writer::Times;
-use super::recorder::{Inlet, Item, log_ns};
+use super::recorder::{Inlet, Item};
 use super::tap::ReportLines;
+use crate::link::time_of_day_ns;
 use crate::report_json::{Header, ReportJson, RestOrigin};
 use crate::run::event::EventLog;
 use crate::run::{CameraLimits, Event, RunInfo, RunNotes, TimedEvent, frames, line, lost_text};
@@ -105,7 +106,7 @@ impl McapObserver {
         let encoded = finger.frame.encoded.clone();
         let frame = Box::new(FrameBuffer { encoded, pixels, label: String::new(), ..*finger.frame });
         let record = FrameRecord { seq, time_ns, clock, fate: Fate::Judged, torn: torn.clone(), is_kept: true };
-        self.inlet.send(Item::Frame { finger: number, frame, torn, log_ns: log_ns() });
+        self.inlet.send(Item::Frame { finger: number, frame, torn, log_ns: time_of_day_ns() });
         self.inlet.send(Item::Taken { finger: number, record });
     }
 
@@ -162,7 +163,7 @@ impl McapAnnotations {
 
     /// Records the results on a frame of the monitor that has just judged it.
     pub fn record(&self, finger: &str, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) {
-        let log_ns = log_ns();
+        let log_ns = time_of_day_ns();
         let stamp_ns = frame.time_ns.unwrap_or(log_ns);
         let bytes = annotations::write(monitor.sensor(), report, monitor.markers(), stamp_ns);
         let times = Times { log_ns, stamp_ns };

@@ -4,7 +4,7 @@ use super::deferred_truncation::DeferredTruncation;
 use super::foxglove;
 use super::frame_record::{Fate, FrameRecord, annotations_topic, camera_topic};
 use super::mcap_writer::{Kind, McapWriter, Times};
-use crate::link::now_ns;
+use crate::link::{now_ns, time_of_day_ns};
 use slipbound::port::FrameBuffer;
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 /// Items that may wait for the disk: one to two seconds of two fingers.
 const QUEUE_COUNT: usize = 128;
@@ -229,23 +229,13 @@ impl Inlet {
     /// Records a line of JSON on a topic, with the present time. It is lost, and counted, when the disk does not keep
     /// up.
     pub fn line(&self, topic: &str, json: Vec<u8>) {
-        self.offer(Item::Line { topic: topic.into(), log_ns: log_ns(), json });
+        self.offer(Item::Line { topic: topic.into(), log_ns: time_of_day_ns(), json });
     }
 
     /// The same, but waits for the disk and never loses a line.
     pub fn line_blocking(&self, topic: &str, json: Vec<u8>) {
-        self.send(Item::Line { topic: topic.into(), log_ns: log_ns(), json });
+        self.send(Item::Line { topic: topic.into(), log_ns: time_of_day_ns(), json });
     }
-}
-
-/// Time of day, ns: that of the first call, plus the time since then on a clock that is never set back.
-pub(super) fn log_ns() -> u64 {
-    static OFFSET: std::sync::OnceLock<u64> = std::sync::OnceLock::new();
-    let offset_ns = *OFFSET.get_or_init(|| {
-        let day = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        u64::try_from(day.as_nanos()).unwrap_or(0).saturating_sub(now_ns())
-    });
-    offset_ns + now_ns()
 }
 
 /// Waits for the recording to begin and for its first item, then writes until the end; returns the number of frames.
@@ -327,7 +317,9 @@ impl WriterThread {
             Item::Annotations { finger, seq, times, bytes } => {
                 self.writer.message(&annotations_topic(&finger), Kind::Annotations, seq, times, &bytes)
             }
-            Item::Attachment { name, media_type, bytes } => self.writer.attach(name, media_type, &bytes, log_ns()),
+            Item::Attachment { name, media_type, bytes } => {
+                self.writer.attach(name, media_type, &bytes, time_of_day_ns())
+            }
             Item::Metadata { name, facts } => self.writer.metadata(name, facts),
             Item::Begin | Item::End | Item::CutOff => Ok(()),
         }
@@ -377,6 +369,6 @@ impl WriterThread {
     fn frame_record(&mut self, finger: usize, record: &FrameRecord) -> Result<(), mcap::McapError> {
         let Some(name) = self.fingers.get(finger).map(|finger| finger.name.clone()) else { return Ok(()) };
         let json = serde_json::to_vec(record).map_err(|e| mcap::McapError::Io(e.into()))?;
-        self.writer.message(&format!("/{name}/frame"), Kind::Frame, record.seq, Times::both(log_ns()), &json)
+        self.writer.message(&format!("/{name}/frame"), Kind::Frame, record.seq, Times::both(time_of_day_ns()), &json)
     }
 }

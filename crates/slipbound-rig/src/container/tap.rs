@@ -1,7 +1,8 @@
 //! Sources whose frames are recorded.
 
 use super::frame_record::{Fate, FrameRecord};
-use super::recorder::{Inlet, Item, log_ns};
+use super::recorder::{Inlet, Item};
+use crate::link::time_of_day_ns;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use std::io::{self, Write};
 
@@ -64,7 +65,7 @@ impl<S: FrameSource> FrameSource for TappedSource<S> {
         // Pixels are copied only if they are what is recorded.
         let pixels = if into.encoded.is_empty() && torn.is_none() { into.pixels.clone() } else { Vec::new() };
         let frame = FrameBuffer { encoded: into.encoded.clone(), pixels, label: String::new(), ..*into };
-        self.tap.put(Item::Frame { finger: self.finger, frame: Box::new(frame), torn, log_ns: log_ns() });
+        self.tap.put(Item::Frame { finger: self.finger, frame: Box::new(frame), torn, log_ns: time_of_day_ns() });
         Ok(next)
     }
 
@@ -129,7 +130,7 @@ impl Write for ReportLines {
             line.pop();
         }
         if !line.is_empty() {
-            self.tap.put(Item::Line { topic: self.topic.clone(), log_ns: log_ns(), json: line });
+            self.tap.put(Item::Line { topic: self.topic.clone(), log_ns: time_of_day_ns(), json: line });
         }
         Ok(())
     }
