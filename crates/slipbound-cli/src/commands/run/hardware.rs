@@ -20,7 +20,7 @@ use slipbound::control::ControlLoop;
 use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::hand::{Mounting, Side};
 use slipbound::monitor::Settings;
-use slipbound::port::Gripper as _;
+use slipbound::port::{Gripper as _, Wrist};
 use slipbound::task::{ControllerKind, TaskKind, TaskSettings};
 use slipbound_rig::container::{Inlet, McapObserver, Recorder, TappedSource};
 use slipbound_rig::gripper::clamp_to_gripper;
@@ -30,6 +30,7 @@ use slipbound_rig::run::{self, CameraLimits, FingerInfo, RunInfo};
 use slipbound_rig::source::{Encoded, Newest};
 use slipbound_rig::{config, gripper, sensors, source, wrist};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 /// Frames of a recording that are read ahead, so that a slow disk does not delay a cycle.
 const READ_AHEAD_COUNT: usize = 8;
@@ -95,6 +96,17 @@ pub struct Hardware {
     output: Option<PathBuf>,
 }
 
+/// What is open when the first cycle begins.
+struct Opened {
+    control: ControlLoop,
+    /// Every camera, by the name of its finger.
+    cameras: Vec<(String, LiveCamera)>,
+    gripper: gripper::Device,
+    wrist: Box<dyn Wrist>,
+    recorder: Option<Recorder>,
+    output: RunOutput,
+}
+
 impl Hardware {
     /// The settings of the task, with the controller that was named.
     pub fn task_settings(&self) -> Result<TaskSettings, Failure> {
@@ -118,7 +130,7 @@ impl Hardware {
         let (settings, clamped) = clamp_to_gripper(settings, work.task, driver.config()).map_err(Failure::arguments)?;
         let recorder = self.recorder(&fingers)?;
         let inlet = recorder.as_ref().map(Recorder::inlet);
-        let (mut control, cameras) = self.control(&fingers, work.task, &settings, &monitor, inlet.as_ref())?;
+        let (control, cameras) = self.control(&fingers, work.task, &settings, &monitor, inlet.as_ref())?;
         let folder = self.output.clone().unwrap_or_else(|| run::free_folder("slipbound-run"));
         let info = RunInfo {
             name: work.name.into(),
@@ -136,8 +148,8 @@ impl Hardware {
         // Checked before the gripper is searched; nothing is created before the gripper is found.
         run::refuse_used_folder(&folder)?;
         let stop = interruption::listen()?;
-        let mut gripper = gripper::Device::open(&self.gripper, self.gripper_config.as_deref())?;
-        let mut wrist = wrist::open(work.wrist).map_err(|error| match error {
+        let gripper = gripper::Device::open(&self.gripper, self.gripper_config.as_deref())?;
+        let wrist = wrist::open(work.wrist).map_err(|error| match error {
             wrist::Error::Address { .. } => Failure::arguments(error),
             other => Failure::Work(other.into()),
         })?;
@@ -151,6 +163,21 @@ impl Hardware {
         if let Some(clamped) = clamped {
             output.note(now_ns(), &clamped);
         }
+        let opened = Opened { control, cameras, gripper, wrist, recorder, output };
+        self.run_cycles(work, opened, &limits, monitor.rest.window_count, &stop)
+    }
+
+    /// Runs the cycles to their end, closes what was opened, and reports. `window_count`: the number of frames in which the
+    /// rest frame is searched.
+    fn run_cycles(
+        &self,
+        work: &Work<'_>,
+        opened: Opened,
+        limits: &CameraLimits,
+        window_count: u32,
+        stop: &AtomicBool,
+    ) -> Result<Outcome, Failure> {
+        let Opened { mut control, cameras, mut gripper, mut wrist, recorder, output } = opened;
         let arrivals = cameras.iter().map(|(_, live)| live.arrivals.clone());
         let mut pace = Pace::new(arrivals, limits.max_skew_ns, self.rate_hz, now_ns());
         let most_n = control.task().grip().limits().most_n;
@@ -160,7 +187,7 @@ impl Hardware {
             &mut control,
             &mut gripper,
             wrist.as_mut(),
-            &stop,
+            stop,
             &mut || pace.is_due(now_ns()),
             &mut observer,
         );
@@ -173,7 +200,7 @@ impl Hardware {
         drop(control); // its sources hand in no more frames
         run_recording::finish(recorder, &mut output);
         let is_whole = note_frames(&names, &scorer.tallies, &cameras, &mut output);
-        let (name, is_hold, window_count) = (work.name, work.is_hold, monitor.rest.window_count);
+        let (name, is_hold) = (work.name, work.is_hold);
         let ended = Ended { name, is_hold, sources: &self.sources, held_n, missing, window_count, is_whole };
         ended.report(ran.map_err(Into::into), output, scorer)
     }
