@@ -28,9 +28,10 @@ use shading::ShadingContact;
 use texture::TextureContact;
 pub(super) use texture::{IMPRINT_RATIO, texture_share};
 
-/// A contact since the rest frame ends with this many frames in a row without its region. Its imprint is seen against a
-/// guess of the bare gel: near the limit it shows none in single frames.
+/// A contact since the rest frame, whose imprint is seen against a guess of the bare gel, ends with this many frames in
+/// a row below the area, because near it single frames are, or with one below this share of it.
 const START_MISSED_FRAMES_COUNT: u32 = 3;
+const START_GONE_SHARE: f64 = 0.25;
 
 #[derive(Debug, Clone)]
 enum RegionFinder {
@@ -156,12 +157,15 @@ impl Contact {
         // Changes elsewhere do not belong to a contact that only displacement shows.
         let by_picture = seen || self.displaced.is_none();
         let share = if by_picture { of_region(self.area_px2) } else { self.area_px2 as f64 / whole_px2 };
-        let off = share < self.settings.off_area_fraction;
+        let off_fraction = self.settings.off_area_fraction;
+        let off = share < off_fraction;
         self.frames_above_count = if share > on { self.frames_above_count + 1 } else { 0 };
         self.frames_below_count = if off { self.frames_below_count + 1 } else { 0 };
-        let ends_after_count = if self.untouched == Untouched::Unseen { START_MISSED_FRAMES_COUNT } else { 1 };
+        let missed = self.untouched == Untouched::Unseen
+            && self.frames_below_count < START_MISSED_FRAMES_COUNT
+            && share >= START_GONE_SHARE * off_fraction;
         self.touches = match self.touches {
-            true => self.frames_below_count < ends_after_count,
+            true => !off || missed,
             false => self.frames_above_count >= self.settings.on_frames_count,
         };
         self.by_displacement = self.touches && !seen && !off && self.displaced.is_some();
