@@ -180,7 +180,7 @@ impl Wrist for LockstepPair<LineWrist> {
         self.exchange();
         let state = self.driver.report(self.now_ns);
         if matches!(state, Err(wrist::Error::Silent { .. })) && self.reconnects {
-            self.cut("nothing came through it");
+            self.cut("no WRIST line came through it");
         }
         Ok(state?)
     }

@@ -30,6 +30,9 @@ pub struct LineGripper {
     /// The goal whose command was last accepted; `Keep` where that is not known.
     done: Goal,
     in_flight: Option<InFlight<Command>>,
+    is_greeted: bool,
+    /// A greeting of another version: nothing is understood on this link.
+    other_version: Option<u32>,
     is_stated: bool,
 }
 
@@ -44,13 +47,21 @@ impl LineGripper {
         let Some(answer) = line.and_then(Answer::parse) else {
             return driver.push_event(DriverEvent::Garbled { bytes_count: line.map_or(1, str::len) });
         };
-        driver.heard();
         match answer {
-            Answer::Hello(VERSION) | Answer::Wrist(_) => {}
             Answer::Hello(version) => {
-                driver.raise_refused("HELLO", format!("version {version}, expected {VERSION}"));
+                if !std::mem::replace(&mut self.is_greeted, true) {
+                    driver.heard();
+                }
+                self.other_version = Some(version).filter(|version| *version != VERSION);
+                self.check_version(driver);
             }
-            Answer::Gripper(rest) => self.take_state(driver, rest),
+            Answer::Wrist(_) => {}
+            Answer::Gripper(rest) => {
+                driver.heard(); // nothing else tells that the state is new
+                if self.check_version(driver) {
+                    self.take_state(driver, rest);
+                }
+            }
             Answer::Ack { number, words } => {
                 if let Some(sent) = self.take_in_flight(number) {
                     self.take_over(driver, &sent, words);
@@ -63,6 +74,14 @@ impl LineGripper {
                 }
             }
         }
+    }
+
+    /// Whether the other side speaks our version; if not, that is a fault each time.
+    fn check_version(&self, driver: &mut DriverState) -> bool {
+        if let Some(version) = self.other_version {
+            driver.raise_refused("HELLO", format!("version {version}, expected {VERSION}"));
+        }
+        self.other_version.is_none()
     }
 
     fn take_in_flight(&mut self, number: u64) -> Option<Command> {

@@ -35,14 +35,14 @@ impl Device {
 
     pub(super) fn await_first_state(&mut self) -> Result<(), Error> {
         let from_ns = now_ns();
-        while !self.driver.is_stated() {
+        loop {
             self.poll_io();
-            if now_ns() - from_ns > FIRST_STATE_NS {
-                return self.driver.report(now_ns()).map(drop);
+            match self.driver.report(now_ns()) {
+                Ok(_) if self.driver.is_stated() => return Ok(()),
+                Err(error) if now_ns() - from_ns > FIRST_STATE_NS => return Err(error),
+                _ => thread::sleep(Duration::from_millis(1)),
             }
-            thread::sleep(Duration::from_millis(1));
         }
-        Ok(())
     }
 }
 
@@ -58,7 +58,7 @@ impl Wrist for Device {
         self.poll_io();
         let state = self.driver.report(now_ns());
         if matches!(state, Err(Error::Silent { .. })) && self.connection.reconnects() {
-            self.connection.give_up(now_ns(), &mut self.driver, "nothing came through it");
+            self.connection.give_up(now_ns(), &mut self.driver, "no WRIST line came through it");
         }
         Ok(state?)
     }

@@ -29,9 +29,9 @@ pub enum Error {
         /// The system's reason.
         why: String,
     },
-    /// The link is up, but nothing comes through it.
+    /// The link is up, but no position comes through it.
     #[error(
-        "{address}: expected a sign of life every {expected_ms} ms, got none for {got_ms} ms; the wrist pauses by itself"
+        "{address}: expected a sign of life every {expected_ms} ms, got no WRIST line for {got_ms} ms; the wrist pauses by itself"
     )]
     Silent {
         /// Where.
@@ -46,6 +46,24 @@ pub enum Error {
     Unstated {
         /// Where.
         address: String,
+    },
+    /// The other side speaks another version of the protocol.
+    #[error("{address}: expected version {expected} of the line protocol, got {got}")]
+    Version {
+        /// Where.
+        address: String,
+        /// Ours.
+        expected: u32,
+        /// Theirs.
+        got: u32,
+    },
+    /// A WRIST line does not say where the wrist is.
+    #[error("{address}: expected angle_rad and lowered_mm in every WRIST line, got `{line}`")]
+    Incomplete {
+        /// Where.
+        address: String,
+        /// The line.
+        line: String,
     },
     /// On a new link the wrist reports a position that its last motion cannot have reached: it counts from somewhere
     /// else now, and no distance from before is known.
@@ -108,7 +126,7 @@ impl Error {
             | Error::Unanswered { .. }
             | Error::Unstated { .. } => WristErrorKind::Link,
             Error::Motion { .. } | Error::Refused { .. } => WristErrorKind::Refused,
-            Error::OtherZero { .. } => WristErrorKind::Other,
+            Error::OtherZero { .. } | Error::Version { .. } | Error::Incomplete { .. } => WristErrorKind::Other,
         }
     }
 }

@@ -8,7 +8,7 @@ use slipbound::port::{LONGEST_TIME_TO_LIVE_NS, WristCommand, WristMotion, WristS
 /// Longest wait for an answer, ms.
 const REPLY_MS: u64 = 100;
 
-/// Longest time without a sign of life, ms.
+/// Longest time without a position, ms.
 const SILENCE_MS: u64 = 300;
 
 /// How long a motion can go on after the last report of a link that is lost, s: until the silence is noticed, and until
@@ -39,6 +39,11 @@ pub struct LineWrist {
     next: Option<String>,
     in_flight: Option<InFlight<Command>>,
     state: Option<WristState>,
+    is_greeted: bool,
+    /// A greeting of another version: nothing is understood on this link.
+    other_version: Option<u32>,
+    /// The newest WRIST line and its time, ns, where a number is missing in it.
+    incomplete: Option<(u64, String)>,
     /// Its last position on the link before this one.
     before: Option<WristState>,
     /// How far the last motions can go unreported when the link is lost: angle in rad and lowering in mm.
@@ -58,6 +63,9 @@ impl LineWrist {
             next: None,
             in_flight: None,
             state: None,
+            is_greeted: false,
+            other_version: None,
+            incomplete: None,
             before: None,
             most: [0.0; 2],
             fault: None,
@@ -112,8 +120,9 @@ impl LineWrist {
 
     /// The newest state since the link is up, or what is wrong; a refusal is reported once. A position from before a
     /// new link does not count, but the first one on a new link must continue it; before the first report the position
-    /// is 0.
+    /// is 0. Only positions keep the link alive: whatever else comes, without them the wrist is silent.
     pub fn report(&mut self, now_ns: u64) -> Result<WristState, Error> {
+        self.check_words(now_ns)?;
         self.link.check_heard(now_ns).map_err(|problem| self.link_error(problem))?;
         if let Some(fault) = self.fault.take() {
             return Err(fault);
@@ -123,6 +132,18 @@ impl LineWrist {
         let state = known.ok_or_else(|| Error::Unstated { address: self.address.clone() })?;
         self.check_zero(&state)?;
         Ok(state)
+    }
+
+    /// Fails while the other side speaks another version, or leaves out a number.
+    fn check_words(&self, now_ns: u64) -> Result<(), Error> {
+        let address = self.address.clone();
+        match (self.other_version, &self.incomplete) {
+            (Some(got), _) => Err(Error::Version { address, expected: VERSION, got }),
+            (None, Some((at_ns, line))) if now_ns.saturating_sub(*at_ns) <= SILENCE_MS * 1_000_000 => {
+                Err(Error::Incomplete { address, line: line.clone() })
+            }
+            (None, _) => Ok(()),
+        }
     }
 
     /// Fails for a position on a new link that the last motion cannot have reached. One that continues the last one
@@ -170,19 +191,16 @@ impl LineWrist {
     }
 
     fn take(&mut self, now_ns: u64, line: Option<&str>) {
-        let Some(answer) = line.and_then(Answer::parse) else { return };
-        self.link.heard(now_ns);
+        let Some((line, answer)) = line.and_then(|line| Some((line, Answer::parse(line)?))) else { return };
         match answer {
-            Answer::Hello(VERSION) | Answer::Gripper(_) => {}
-            Answer::Hello(version) => self.raise_refused("HELLO", format!("version {version}, expected {VERSION}")),
-            Answer::Wrist(rest) => {
-                if let (Some(angle_rad), Some(lowered_mm)) =
-                    (number_of(rest, "angle_rad"), number_of(rest, "lowered_mm"))
-                {
-                    let moving = number_of(rest, "moving") == Some(1.0);
-                    self.state = Some(WristState { time_ns: now_ns, angle_rad, lowered_mm, moving });
+            Answer::Hello(version) => {
+                if !std::mem::replace(&mut self.is_greeted, true) {
+                    self.link.heard(now_ns);
                 }
+                self.other_version = Some(version).filter(|version| *version != VERSION);
             }
+            Answer::Gripper(_) => {}
+            Answer::Wrist(rest) => self.take_state(now_ns, line, rest),
             Answer::Ack { number, words } => {
                 let Some(sent) = self.take_in_flight(number) else { return };
                 if sent.words != words {
@@ -197,6 +215,17 @@ impl LineWrist {
                 }
             }
         }
+    }
+
+    fn take_state(&mut self, now_ns: u64, line: &str, rest: &str) {
+        let (Some(angle_rad), Some(lowered_mm)) = (number_of(rest, "angle_rad"), number_of(rest, "lowered_mm")) else {
+            self.incomplete = Some((now_ns, line.into()));
+            return;
+        };
+        self.link.heard(now_ns);
+        self.incomplete = None;
+        let moving = number_of(rest, "moving") == Some(1.0);
+        self.state = Some(WristState { time_ns: now_ns, angle_rad, lowered_mm, moving });
     }
 
     fn take_in_flight(&mut self, number: u64) -> Option<Command> {
@@ -217,12 +246,14 @@ impl Endpoint for LineWrist {
         self.link.up(now_ns);
         self.before = self.before.or(self.state);
         (self.next, self.in_flight, self.state, self.fault) = (None, None, None, None);
+        (self.is_greeted, self.other_version, self.incomplete) = (false, None, None);
     }
 
     fn unlinked(&mut self, _now_ns: u64, why: &str) {
         self.outgoing.clear();
         self.link.down(why);
         (self.next, self.in_flight) = (None, None);
+        (self.other_version, self.incomplete) = (None, None);
     }
 
     fn receive(&mut self, now_ns: u64, bytes: &[u8]) {

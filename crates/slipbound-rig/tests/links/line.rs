@@ -1,10 +1,10 @@
 //! The line protocol, gripper and wrist, in lock-step.
 
-use crate::bench::{Bench, MS};
+use crate::bench::{Bench, MS, config, driver};
 use slipbound::plant::Plant;
 use slipbound::port::{Jaws, WristCommand, WristErrorKind, WristMotion};
 use slipbound_rig::emulator::{Block, Emulator, Faults, by_name};
-use slipbound_rig::gripper::Request;
+use slipbound_rig::gripper::{self, Request};
 use slipbound_rig::link::Endpoint;
 use slipbound_rig::wrist::{Error, LineWrist};
 
@@ -109,6 +109,55 @@ impl Arm {
     fn command(&mut self, motion: WristMotion) -> Result<(), Error> {
         self.wrist.command(self.now_ns, WristCommand::new(motion))
     }
+}
+
+/// The jaws of one that says where its wrist is, answers, and says no more of its gripper.
+#[test]
+fn a_gripper_that_says_nothing_of_its_jaws_is_silent_whatever_else_it_says() {
+    let mut driver = driver("line", config("line"));
+    driver.linked(0);
+    driver.receive(0, b"HELLO slipbound-line 1\nGRIPPER jaws holding force_n 10 target_n 10\n");
+    let told: Vec<_> = (1..=60u64)
+        .map(|i| {
+            let lines =
+                format!("WRIST angle_rad 0 lowered_mm 0\nACK {i} GRASP force_n 20.000000\nHELLO slipbound-line 1\n");
+            driver.receive(10 * i * MS, lines.as_bytes());
+            driver.state(10 * i * MS)
+        })
+        .collect();
+    assert!(told[..50].iter().all(Result::is_ok), "{told:?}");
+    assert!(told[50..].iter().all(|told| matches!(told, Err(gripper::Error::Silent { .. }))), "{told:?}");
+}
+
+/// A wrist that stands at 0.06 rad and 1 mm, and from then on says less than where it is, beside the lines of a gripper
+/// and answers.
+#[test]
+fn a_wrist_that_does_not_say_where_it_is_is_a_fault_whatever_else_it_says() {
+    let told = |greeting: &str, first: &str, wrist_line: &str| {
+        let mut wrist = LineWrist::new("line://arm");
+        wrist.linked(0);
+        wrist.receive(0, format!("{greeting}{first}").as_bytes());
+        (1..=40u64)
+            .map(|i| {
+                let lines = format!("{wrist_line}GRIPPER jaws open\nACK {i} PAUSE\n{greeting}");
+                wrist.receive(10 * i * MS, lines.as_bytes());
+                wrist.report(10 * i * MS).map_err(|error| error.to_string())
+            })
+            .collect::<Vec<_>>()
+    };
+    let (greeting, whole) = ("HELLO slipbound-line 1\n", "WRIST angle_rad 0.06 lowered_mm 1\n");
+    for first in ["", whole] {
+        let silent = told(greeting, first, "");
+        assert!(silent[29].is_ok() && silent[30..].iter().all(|told| told.is_err()), "{silent:?}");
+        assert!(silent[30].as_ref().is_err_and(|text| text.contains("got no WRIST line for 310 ms")), "{silent:?}");
+        for line in ["WRIST lowered_mm 1 moving 0", "WRIST angle_rad 0.06", "WRIST angle_rad nan lowered_mm 1"] {
+            let quotes = format!("expected angle_rad and lowered_mm in every WRIST line, got `{line}`");
+            let lacking = told(greeting, first, &format!("{line}\n"));
+            assert!(lacking.iter().all(|told| told.as_ref().is_err_and(|text| text.contains(&quotes))), "{lacking:?}");
+        }
+    }
+    let other = told("HELLO slipbound-line 2\n", "", whole);
+    assert!(other.iter().all(|told| told.as_ref().is_err_and(|text| text.contains("expected version 1"))), "{other:?}");
 }
 
 /// A new link to a wrist that stands at 0.06 rad and has not said so yet.

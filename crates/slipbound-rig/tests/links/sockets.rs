@@ -5,6 +5,7 @@ use slipbound::port::{DriverEvent, GripCommand, Gripper, GripperState, Jaws, Wri
 use slipbound_rig::emulator::{Block, by_name, serve_tcp};
 use slipbound_rig::gripper::{self, Device, Error, Request};
 use slipbound_rig::wrist;
+use std::io::Write;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -205,6 +206,46 @@ fn who_accepts_but_says_nothing_or_is_not_there_is_no_gripper() {
     assert!(message.contains("expected a gripper, cannot connect: "), "{message}");
     let message = wrist::open(&format!("line://{address}")).err().expect("refused").to_string();
     assert!(message.contains("expected a wrist, cannot connect: "), "{message}");
+}
+
+/// A device that says the same lines again and again, to everyone.
+fn says(lines: &'static str) -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("bound");
+    spawn(move || {
+        for link in listener.incoming() {
+            let mut link = link.expect("a link");
+            spawn(move || {
+                while link.write_all(lines.as_bytes()).is_ok() {
+                    sleep(Duration::from_millis(10))
+                }
+            });
+        }
+    });
+    address
+}
+
+#[test]
+fn who_speaks_another_version_or_does_not_say_where_its_wrist_is_is_not_opened() {
+    let gripper = |lines| Device::open(&format!("line://{}", says(lines)), None).err().expect("refused").to_string();
+    let wrist = |lines| wrist::open(&format!("line://{}", says(lines))).err().expect("refused").to_string();
+    let other = "HELLO slipbound-line 2\nGRIPPER jaws open\nWRIST angle_rad 0 lowered_mm 0\n";
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let message = gripper(other);
+            assert!(message.contains("expected HELLO to be done, got version 2, expected 1"), "{message}");
+        });
+        scope.spawn(|| {
+            let message = wrist(other);
+            assert!(message.contains("expected version 1 of the line protocol, got 2"), "{message}");
+        });
+        scope.spawn(|| {
+            let message = wrist("HELLO slipbound-line 1\nGRIPPER jaws open\nWRIST lowered_mm 0 moving 0\n");
+            assert!(message.contains("every WRIST line, got `WRIST lowered_mm 0 moving 0`"), "{message}");
+        });
+        let message = wrist("HELLO slipbound-line 1\nGRIPPER jaws open\n");
+        assert!(message.contains("got no WRIST line"), "{message}");
+    });
 }
 
 #[test]
