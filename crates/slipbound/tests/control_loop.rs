@@ -304,6 +304,21 @@ fn a_gripper_that_refuses_a_lower_force_is_no_fault() {
     assert!(control.fault().is_none() && !diary.slips.is_empty());
 }
 
+/// An object that a run before this one left with 50 N, and a gripper that lowers its force when it is told to.
+#[test]
+fn what_the_gripper_holds_already_is_not_loosened_to_the_starting_force() {
+    for (most_n, first_n) in [(60.0, 50.0), (30.0, 30.0)] {
+        let mut settings = hold();
+        settings.grip.most_n = most_n;
+        let mut control = control(scenes(&[(20, Scene::Open), (9, Scene::Held(0.0))]), &settings);
+        let (mut wrist, mut diary) = (MyWrist::default(), Diary::default());
+        let mut gripper = MyGripper { command: Some(GripCommand::Hold { force_n: 50.0 }), ..MyGripper::default() };
+        assert!(run(&mut control, &mut gripper, &mut wrist, &mut diary).is_none());
+        assert!(gripper.commands.len() > 5);
+        assert!(gripper.commands.iter().all(|told| told.force_n() == Some(first_n)), "{:?}", gripper.commands);
+    }
+}
+
 #[test]
 fn a_silent_camera_makes_its_finger_blind_until_it_speaks_again() {
     let parts = [(20, Scene::Open), (3, Scene::Held(0.0)), (2, Scene::Silent), (2, Scene::Held(0.0))];

@@ -48,9 +48,14 @@ impl Grasp {
     /// `hand` is the hand report without the slip that the task allows.
     pub fn step(&mut self, observation: &Observation<'_>, hand: &HandReport, grip: &mut Guard) -> Grasped {
         let (now_ns, gripper) = (observation.now_ns, observation.gripper);
+        let is_first = self.since_ns.is_none();
         let since_ns = *self.since_ns.get_or_insert(now_ns);
         let feels = !matches!(hand.state, SlipState::NoContact | SlipState::Unjudged);
         let holds = gripper.jaws == Jaws::Holding;
+        if let Some(held_n) = gripper.target_n.or(gripper.force_n).filter(|_| is_first && holds) {
+            // It holds already, from before this task: it is not loosened to the starting force.
+            grip.force_kept(held_n);
+        }
         let force_n = self.force_n(observation, hand, grip, feels && holds);
         self.missing = match () {
             _ if hand.state == SlipState::Unjudged => Some(Missing::Sight),
