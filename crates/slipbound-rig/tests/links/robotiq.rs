@@ -148,27 +148,52 @@ fn after_a_fault_that_ended_by_itself_the_same_force_is_sent_again() {
             }
             let asked = std::mem::take(driver.outgoing());
             sent.extend(&asked);
-            let mut answer = Vec::new();
-            rtu::Parser::default().feed_requests(&asked, |request| match request {
-                rtu::Request::Write { function, registers, bytes } => {
-                    rtu::answer_write(&mut answer, function, registers, bytes);
-                }
-                _ => rtu::answer_read(&mut answer, 4, &[0xB9, 0, fault, 255, 90, 0]),
-            });
-            for line in asked.split(|byte| *byte == b'\n').filter(|_| name == "robotiq") {
-                match line.strip_prefix(b"GET ") {
-                    Some(b"STA") => answer.extend(b"STA 3\n"),
-                    Some(b"OBJ") => answer.extend(b"OBJ 2\n"),
-                    Some(b"FLT") => answer.extend(format!("FLT {fault}\n").into_bytes()),
-                    Some(value) => answer.extend([value, b" 255\n"].concat()),
-                    None if line.starts_with(b"SET") => answer.extend(b"ack"),
-                    None => {}
-                }
-            }
-            driver.receive(now_ms * MS, &answer);
+            driver.receive(now_ms * MS, &answer(name, &asked, 2, fault));
         }
         forces_count.push(count_forces(&sent));
         assert_eq!(forces_count, [1, 2], "{name}");
+    }
+}
+
+/// What an active gripper that was told to close answers, with this object and fault.
+fn answer(name: &str, asked: &[u8], object: u8, fault: u8) -> Vec<u8> {
+    let mut answer = Vec::new();
+    rtu::Parser::default().feed_requests(asked, |request| match request {
+        rtu::Request::Write { function, registers, bytes } => {
+            rtu::answer_write(&mut answer, function, registers, bytes);
+        }
+        _ => rtu::answer_read(&mut answer, 4, &[object << 6 | 0x39, 0, fault, 255, 90, 0]),
+    });
+    for line in asked.split(|byte| *byte == b'\n').filter(|_| name == "robotiq") {
+        match line.strip_prefix(b"GET ") {
+            Some(b"STA") => answer.extend(b"STA 3\n"),
+            Some(b"OBJ") => answer.extend(format!("OBJ {object}\n").into_bytes()),
+            Some(b"FLT") => answer.extend(format!("FLT {fault}\n").into_bytes()),
+            Some(value) => answer.extend([value, b" 255\n"].concat()),
+            None if line.starts_with(b"SET") => answer.extend(b"ack"),
+            None => {}
+        }
+    }
+    answer
+}
+
+/// It moves when it presses with another force.
+#[test]
+fn jaws_that_press_anew_what_they_hold_have_not_lost_it_until_they_are_at_their_end() {
+    for (name, then, end) in BOTH.iter().flat_map(|name| [(*name, 2, Jaws::Holding), (*name, 3, Jaws::Lost)]) {
+        let mut driver = driver(name, allowing());
+        driver.linked(0);
+        let mut seen = Vec::new();
+        for now_ms in 0..1500u64 {
+            driver.tick(now_ms * MS);
+            let asked = std::mem::take(driver.outgoing());
+            let object = [2, 0, then][now_ms as usize / 500];
+            driver.receive(now_ms * MS, &answer(name, &asked, object, 0));
+            seen.push(driver.state(now_ms * MS).expect("there").jaws);
+        }
+        seen.dedup();
+        seen.retain(|jaws| *jaws != Jaws::Unknown); // before the first answer
+        assert_eq!(seen, [Jaws::Holding, Jaws::Closing, end], "{name}");
     }
 }
 

@@ -4,7 +4,7 @@ use super::status::{CLOSED, Status};
 use crate::gripper::config::Config;
 use crate::gripper::driver_state::DriverState;
 use crate::gripper::error::Error;
-use slipbound::port::{DriverEvent, GripCommand};
+use slipbound::port::{DriverEvent, GripCommand, Jaws};
 
 /// The goal of the jaws; the newest one counts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -56,10 +56,17 @@ pub(super) struct Actuator {
     pub goal: Goal,
     /// None until everything has been received once since the link was made.
     status: Option<Status>,
+    /// Whether it has held something, and has been closed or closing ever since.
+    has_held: bool,
     is_homing: bool,
 }
 
 impl Actuator {
+    /// The same at the start of a new link.
+    pub fn relinked(&self) -> Self {
+        Actuator { has_held: self.has_held, ..Actuator::default() }
+    }
+
     /// Takes a status, which was requested after everything that was sent before. Returns whether a fault has begun:
     /// earlier commands no longer count then, even if the fault ends by itself.
     pub fn take_status(&mut self, driver: &mut DriverState, status: Status) -> bool {
@@ -73,7 +80,12 @@ impl Actuator {
         }
         self.is_homing &= !(status.is_active() && self.goal == Goal::Keep);
         driver.gripper.time_ns = driver.now_ns();
-        driver.gripper.jaws = status.jaws(driver.gripper.jaws);
+        self.has_held = match driver.gripper.jaws {
+            Jaws::Holding | Jaws::Lost => true,
+            Jaws::Closing => self.has_held,
+            _ => false,
+        };
+        driver.gripper.jaws = status.jaws(self.has_held);
         driver.gripper.opening_mm = Some(driver.config.opening_of_count(status.position));
         has_begun
     }

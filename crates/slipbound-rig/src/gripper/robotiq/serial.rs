@@ -87,7 +87,7 @@ impl Serial {
 
 impl Protocol for Serial {
     fn linked(&mut self, _driver: &mut DriverState) {
-        *self = Serial::default();
+        *self = Serial { actuator: self.actuator.relinked(), ..Serial::default() };
     }
 
     fn receive(&mut self, driver: &mut DriverState, bytes: &[u8]) {

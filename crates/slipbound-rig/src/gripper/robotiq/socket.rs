@@ -199,7 +199,8 @@ fn number(name: &str, text: &str) -> Option<u8> {
 
 impl Protocol for Socket {
     fn linked(&mut self, _driver: &mut DriverState) {
-        *self = Socket { received_ns: self.received_ns, ends_lines: self.ends_lines, ..Socket::default() };
+        let Socket { received_ns, ends_lines, .. } = *self;
+        *self = Socket { received_ns, ends_lines, actuator: self.actuator.relinked(), ..Socket::default() };
     }
 
     fn receive(&mut self, driver: &mut DriverState, mut bytes: &[u8]) {

@@ -73,8 +73,8 @@ impl Status {
         Some(format!("fault {}, {words}; home clears it", self.fault))
     }
 
-    /// The state of the jaws; `before` distinguishes a lost object from one that was never there.
-    pub fn jaws(&self, before: Jaws) -> Jaws {
+    /// The state of the jaws; `has_held` distinguishes a lost object from one that was never there.
+    pub fn jaws(&self, has_held: bool) -> Jaws {
         let closes = self.position_asked == CLOSED;
         match (self.is_active(), self.fault_in_words(), self.object) {
             (_, Some(_), _) => Jaws::Stopped,
@@ -82,8 +82,9 @@ impl Status {
             (_, _, object::CONTACT_CLOSING) => Jaws::Holding,
             (_, _, object::CONTACT_OPENING) => Jaws::Open,
             _ if !closes => Jaws::Open,
-            _ if matches!(before, Jaws::Holding | Jaws::Lost) => Jaws::Lost,
+            // Also while it presses anew what it holds, with another force.
             (_, _, object::MOVING) => Jaws::Closing,
+            _ if has_held => Jaws::Lost,
             _ => Jaws::Nothing,
         }
     }
