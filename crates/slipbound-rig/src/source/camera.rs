@@ -33,8 +33,9 @@ pub struct CameraCounts {
     pub returns_count: u64,
     /// Whether the frames carry time stamps of the camera or its driver.
     pub has_stamps: bool,
-    /// Whether a time stamp was not later than the one before it: from then on frames have their arrival time.
-    pub stamps_have_stood_still: bool,
+    /// Whether a time stamp was not later than the one before it, or missing: from then on frames have their arrival
+    /// time.
+    pub stamps_are_distrusted: bool,
     first_ns: Option<u64>,
     last_ns: Option<u64>,
     longest_ns: u64,
@@ -105,8 +106,8 @@ impl fmt::Display for CameraCounts {
         }
         write!(f, ", {} torn, {} lost by the camera or its driver", self.torn_count, self.missing_count)?;
         write!(f, ", {} times lost and back", self.returns_count)?;
-        if self.stamps_have_stood_still {
-            write!(f, ", its time stamps stood still: the times are those of arrival")?;
+        if self.stamps_are_distrusted {
+            write!(f, ", its time stamps stood still or were missing: the times are those of arrival")?;
         }
         Ok(())
     }

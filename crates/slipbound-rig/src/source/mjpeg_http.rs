@@ -7,7 +7,8 @@
 //! ```
 //!
 //! The time of a frame is the server's `X-Timestamp` where it sends one (clock: device), else the arrival time. Once a
-//! stamp is not later than the one before it, arrival times are used for the rest of the source ([`Stamps`]).
+//! stamp is not later than the one before it, or missing, arrival times are used for the rest of the source
+//! ([`Stamps`]).
 
 use super::camera::{Camera, CameraTally};
 use super::chunked::{self, Chunked};
@@ -151,6 +152,7 @@ impl MjpegHttp {
 
 impl FrameSource for MjpegHttp {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        let from_ns = now_ns();
         loop {
             let Some(stream) = &mut self.stream else {
                 self.reconnect();
@@ -165,8 +167,8 @@ impl FrameSource for MjpegHttp {
                     self.retry_ns = FIRST_RETRY_NS;
                     let device_ns = self.stamps.device_ns(head.time_ns);
                     self.tally.frame(stream.heard_ns, device_ns.is_some());
-                    if self.stamps.have_stood_still() {
-                        self.tally.change(|counts| counts.stamps_have_stood_still = true);
+                    if self.stamps.are_distrusted() {
+                        self.tally.change(|counts| counts.stamps_are_distrusted = true);
                     }
                     self.stamp(into, device_ns);
                     return Ok(Next::Frame);
@@ -181,6 +183,10 @@ impl FrameSource for MjpegHttp {
                     stream.heard_ns = now_ns();
                     if let Err(fault) = stream.push(&self.bytes[..count]) {
                         return Ok(self.lost_track(into, fault.to_string()));
+                    }
+                    // Bytes may trickle in for ever without a frame among them.
+                    if stream.heard_ns.saturating_sub(from_ns) > LONGEST_WAIT.as_nanos() as u64 {
+                        return Ok(Next::Silent);
                     }
                 }
                 Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {

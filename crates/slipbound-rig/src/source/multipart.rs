@@ -174,9 +174,6 @@ impl Multipart {
             Some(end) => {
                 let head = Head::read(&unread[..end]);
                 self.take(end);
-                if head.length_bytes.is_some_and(|bytes| bytes > LONGEST_PART_BYTES) {
-                    return Err(Fault::EndlessPart);
-                }
                 Ok(Some(State::Part(head)))
             }
             None if window.len() == LONGEST_HEAD_BYTES => Err(Fault::EndlessHead),

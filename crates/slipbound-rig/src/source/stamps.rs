@@ -3,7 +3,8 @@
 //! ```text
 //!   12.001  12.034  12.068 ..        each is later than the one before it: the time of the frame
 //!   12      12      12     13 ..     of a clock without parts of a second  } the time of arrival from then on: frames
-//!    0       0       0 ..            of no clock at all                    } of equal times could not be judged
+//!    0       0       0 ..            of no clock at all                    } of equal times, or of two clocks, could
+//!   12.001   --     12.068 ..        of a server that leaves one out        } not be judged
 //! ```
 
 /// The stamps of a source, over all its connections.
@@ -11,7 +12,9 @@
 pub(super) struct Stamps {
     /// Stamp of the last frame of this connection, ns.
     last_ns: Option<u64>,
-    have_stood_still: bool,
+    /// Whether a frame was given the time of its stamp.
+    have_been_used: bool,
+    are_distrusted: bool,
 }
 
 impl Stamps {
@@ -23,15 +26,20 @@ impl Stamps {
     /// The time of the next frame by its server's clock, ns, from its stamp; None without a stamp, and when it is not
     /// trusted.
     pub fn device_ns(&mut self, stamp_ns: Option<u64>) -> Option<u64> {
-        let stamp_ns = stamp_ns.filter(|ns| *ns > 0)?;
+        let Some(stamp_ns) = stamp_ns.filter(|ns| *ns > 0) else {
+            self.are_distrusted |= self.have_been_used;
+            return None;
+        };
         let last_ns = self.last_ns.replace(stamp_ns);
-        self.have_stood_still |= last_ns.is_some_and(|last_ns| stamp_ns <= last_ns);
-        (!self.have_stood_still).then_some(stamp_ns)
+        self.are_distrusted |= last_ns.is_some_and(|last_ns| stamp_ns <= last_ns);
+        self.have_been_used |= !self.are_distrusted;
+        (!self.are_distrusted).then_some(stamp_ns)
     }
 
-    /// Whether a stamp was not later than the one before it: no later stamp of this source is trusted.
-    pub fn have_stood_still(&self) -> bool {
-        self.have_stood_still
+    /// Whether a stamp was not later than the one before it, or missing after others: no later stamp of this source is
+    /// trusted.
+    pub fn are_distrusted(&self) -> bool {
+        self.are_distrusted
     }
 }
 
@@ -40,13 +48,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stamps_are_believed_until_one_is_not_later_than_the_last_of_its_connection() {
+    fn stamps_are_believed_until_one_is_missing_or_not_later_than_the_last_of_its_connection() {
+        for missing in [None, Some(0)] {
+            let mut stamps = Stamps::default();
+            assert_eq!([missing, Some(5), Some(6)].map(|ns| stamps.device_ns(ns)), [None, Some(5), Some(6)]);
+            stamps.connect();
+            assert_eq!([missing, Some(7)].map(|ns| stamps.device_ns(ns)), [None, None], "times of one clock only");
+            assert!(stamps.are_distrusted());
+        }
         let mut stamps = Stamps::default();
-        let given = [Some(5), None, Some(0), Some(6)].map(|ns| stamps.device_ns(ns));
-        assert_eq!((given, stamps.have_stood_still()), ([Some(5), None, None, Some(6)], false));
-        stamps.connect();
         assert_eq!([Some(1), Some(2), Some(2), Some(3)].map(|ns| stamps.device_ns(ns)), [Some(1), Some(2), None, None]);
         stamps.connect();
-        assert_eq!((stamps.device_ns(Some(9)), stamps.have_stood_still()), (None, true));
+        assert_eq!((stamps.device_ns(Some(9)), stamps.are_distrusted()), (None, true));
     }
 }
