@@ -141,7 +141,8 @@ impl Gcl {
     }
 
     fn take_value(&mut self, driver: &mut DriverState, name: &str, value: &str, is_answer: bool) {
-        let number = value.parse::<f64>().ok().filter(|value| value.is_finite());
+        // No finite number is an answer all the same: the value is unknown.
+        let number = value.parse::<f64>().ok();
         if number.is_some() && is_name(name) && !QUESTIONS.contains(&name) {
             return driver.heard(); // a value that somebody else has asked for
         }

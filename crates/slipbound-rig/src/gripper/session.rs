@@ -72,7 +72,7 @@ impl<'a> Session<'a> {
         let mut settled = SettleDetector::default();
         loop {
             let state = self.state()?;
-            if settled.see(now_ns(), &state, !self.device.is_busy() && is_wanted(&state)) {
+            if settled.see(&state, !self.device.is_busy() && is_wanted(&state)) {
                 return self.state();
             }
             if now_ns() > until_ns {

@@ -6,26 +6,36 @@ use slipbound::port::{GripperState, Jaws};
 /// Time for which nothing may change, ns.
 const SETTLED_NS: u64 = 300_000_000;
 
+/// How many new messages must show that: a GCL gripper says in three what its state is.
+const MESSAGES_COUNT: u32 = 3;
+
 /// Change of the opening that counts as none, mm.
 const SAME_OPENING_MM: f64 = 0.02;
 
-/// Receives the time and the state of a gripper, and reports when it has settled.
+/// Receives the state of a gripper, and reports when it has settled. Time counts by the states: one that is read again
+/// and again because the next is late shows nothing of what became of the request.
 #[derive(Debug, Clone, Default)]
 pub struct SettleDetector {
-    last: Option<(GripperState, u64)>,
+    /// The state since which nothing has changed.
+    since: Option<GripperState>,
+    /// Messages since then, and the time of the newest, ns.
+    messages_count: u32,
+    newest_ns: u64,
     force: ForceSense,
 }
 
 impl SettleDetector {
     /// Whether the gripper is settled now. `is_done`: it has accepted the request and its state is as wanted.
-    pub fn see(&mut self, now_ns: u64, state: &GripperState, is_done: bool) -> bool {
-        self.force.see(now_ns, state, state.jaws != Jaws::Open);
-        match &self.last {
-            Some((last, since_ns)) if is_done && is_same(state, last) && self.force.is_still() => {
-                now_ns.saturating_sub(*since_ns) > SETTLED_NS
+    pub fn see(&mut self, state: &GripperState, is_done: bool) -> bool {
+        self.force.see(state.time_ns, state, state.jaws != Jaws::Open);
+        self.messages_count += u32::from(state.time_ns != self.newest_ns);
+        self.newest_ns = state.time_ns;
+        match &self.since {
+            Some(since) if is_done && is_same(state, since) && self.force.is_still() => {
+                state.time_ns.saturating_sub(since.time_ns) > SETTLED_NS && self.messages_count >= MESSAGES_COUNT
             }
             _ => {
-                self.last = Some((*state, now_ns));
+                (self.since, self.messages_count) = (Some(*state), 0);
                 false
             }
         }
@@ -53,9 +63,9 @@ pub fn describe(state: &GripperState) -> String {
 mod tests {
     use super::*;
 
-    fn at(opening_mm: f64) -> GripperState {
+    fn at(time_ms: u64, opening_mm: f64) -> GripperState {
         GripperState {
-            time_ns: 0,
+            time_ns: time_ms * 1_000_000,
             force_n: None,
             force_error_n: None,
             target_n: None,
@@ -66,14 +76,18 @@ mod tests {
 
     #[test]
     fn settled_is_what_is_done_and_has_not_moved_for_a_while() {
-        let ms = |ms: u64| ms * 1_000_000;
         let mut settled = SettleDetector::default();
-        assert!(!settled.see(0, &at(50.0), false));
-        assert!(!settled.see(ms(400), &at(50.0), false), "not yet done");
-        assert!(!settled.see(ms(600), &at(50.0), true), "not yet for long");
-        assert!(!settled.see(ms(650), &at(49.9), true), "moved");
-        assert!(!settled.see(ms(950), &at(49.91), true), "300 ms are not enough");
-        assert!(settled.see(ms(951), &at(49.91), true));
+        assert!(!settled.see(&at(0, 50.0), false));
+        assert!(!settled.see(&at(400, 50.0), false), "not yet done");
+        assert!((0..1000).all(|_| !settled.see(&at(400, 50.0), true)), "read again: nothing is known of later");
+        assert!(!settled.see(&at(600, 50.0), true), "not yet for long");
+        assert!(!settled.see(&at(650, 49.9), true), "moved");
+        assert!(!settled.see(&at(800, 49.9), true));
+        assert!(!settled.see(&at(950, 49.91), true), "300 ms are not enough");
+        assert!(settled.see(&at(951, 49.91), true));
+        assert!(!settled.see(&at(1000, 60.0), true), "moved");
+        let late = [1400, 1800, 2200].map(|ms| settled.see(&at(ms, 60.0), true));
+        assert_eq!(late, [false, false, true], "one late message of three says nothing of the opening");
     }
 
     /// 0.3 N rms, as many motor currents have, and a force on its way.
@@ -82,8 +96,8 @@ mod tests {
         let run = |force_n: &dyn Fn(u64) -> f64| {
             let mut settled = SettleDetector::default();
             (0..400u64).find(|i| {
-                let state = GripperState { time_ns: *i, force_n: Some(force_n(*i)), ..at(50.0) };
-                settled.see(i * 20_000_000, &state, true)
+                let state = GripperState { force_n: Some(force_n(*i)), ..at(20 * i, 50.0) };
+                settled.see(&state, true)
             })
         };
         // +-0.52 N in an order that does not repeat: 0.3 N rms.
@@ -95,7 +109,7 @@ mod tests {
 
     #[test]
     fn a_state_is_described_with_its_units() {
-        let state = GripperState { force_n: Some(20.0), ..at(28.0) };
+        let state = GripperState { force_n: Some(20.0), ..at(0, 28.0) };
         assert_eq!(describe(&state), "jaws holding, opening 28.00 mm, force 20.00 N per finger, asked for unknown");
     }
 }

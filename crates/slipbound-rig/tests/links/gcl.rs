@@ -213,6 +213,25 @@ struct Scripted {
     tick_ms: u64,
 }
 
+/// A sensor without a reading.
+#[test]
+fn a_force_that_is_no_number_is_unknown_and_delays_no_question() {
+    let mut driver = driver("gcl", config("gcl"));
+    driver.linked(0);
+    let mut rounds_count = 0;
+    for now_ns in (0..400).map(|ms| ms * MS) {
+        driver.tick(now_ns);
+        for line in String::from_utf8(std::mem::take(driver.outgoing())).expect("ASCII").lines() {
+            rounds_count += usize::from(line == "GRIPSTATE?");
+            let value = if line == "FORCE?" { "nan" } else { "0" };
+            driver.receive(now_ns, format!("{}={value}\n", line.trim_end_matches('?')).as_bytes());
+        }
+    }
+    let state = driver.state(400 * MS).expect("there");
+    assert_eq!((state.force_n, state.opening_mm, state.jaws), (None, Some(0.0), Jaws::Open));
+    assert!(rounds_count >= 12, "{rounds_count} rounds of 33 ms");
+}
+
 impl Scripted {
     /// 20 N were requested, and GRIP was sent.
     fn gripping() -> Self {

@@ -326,7 +326,7 @@ fn grasp_and_release_settle_under_noise() {
             loop {
                 bench.step();
                 let state = bench.state().expect("there");
-                if settled.see(bench.now_ns(), &state, !bench.driver.is_busy() && state.jaws == wanted) {
+                if settled.see(&state, !bench.driver.is_busy() && state.jaws == wanted) {
                     break;
                 }
                 assert!(bench.now_ns() - from_ns < 6000 * MS, "{noise_n} N rms: {request:?} never settles");
