@@ -27,7 +27,8 @@ ME = "--sensor painted.toml --json report.jsonl"
 HEAD = f"""# What happens with bad input
 
 Exit codes: 0 done; 1 failed while running, interrupted, or no frame could be judged; 2 invalid request (arguments, sensor or
-settings file, nothing to read); 3 finished, but frames were torn. A partial report is kept, and all its lines are complete.
+settings file, nothing to read); 3 finished, but frames were torn or of
+another size. A partial report is kept, and all its lines are complete.
 Without a usable rest frame there is no report.
 
 Made by `python3 bench/bad_input.py --write`, which prepares each case from `testdata/` in a temporary folder, runs

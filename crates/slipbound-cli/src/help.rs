@@ -13,7 +13,7 @@ const EXIT_CODES: &str = "Exit codes:
   0  done
   1  failed on the way, or interrupted; what was written so far is kept
   2  what was asked for cannot be: arguments, settings, nothing to read
-  3  finished, but frames were torn or something could not be written";
+  3  finished, but frames were torn or of another size, or something could not be written";
 
 /// Examples by command: the command line after `slipbound`, and what it does.
 const EXAMPLES: [(&str, &[(&str, &str)]); 31] = [

@@ -18,8 +18,8 @@ use std::ffi::OsString;
 use std::io::{self, Write};
 
 /// Runs the command given by the arguments, the first of which is the program's name, and returns the exit code: 0
-/// done, 1 failed on the way, 2 bad arguments, 3 finished, but frames were torn or something could not be written. Help
-/// and usage errors are printed like everything else.
+/// done, 1 failed on the way, 2 bad arguments, 3 finished, but frames were torn or of another size, or something could
+/// not be written. Help and usage errors are printed like everything else.
 pub fn run<T: Into<OsString> + Clone>(args: impl IntoIterator<Item = T>) -> u8 {
     let args = match parsed(args) {
         Ok(args) => args,

@@ -14,7 +14,7 @@ use std::fmt::Display;
 pub enum Outcome {
     /// Everything was done.
     Done,
-    /// Everything was done that could be, but frames were torn or something could not be written.
+    /// Everything was done that could be, but frames were torn or of another size, or something could not be written.
     DataLost,
 }
 

@@ -48,12 +48,12 @@ fn ends_through_a_driver_as_without(task: &str, mu: &str, same: [&str; 2], near:
 #[test]
 fn screwing_through_a_driver_ends_as_it_does_without() {
     let torque = Some("largest torque on the cap");
-    ends_through_a_driver_as_without("screw", "mu=0.6", ["ended", "largest grip"], torque);
+    ends_through_a_driver_as_without("screw", "mu=0.6", ["ended", "largest force commanded"], torque);
 }
 
 #[test]
 fn unscrewing_through_a_driver_ends_as_it_does_without() {
-    ends_through_a_driver_as_without("unscrew", "mu=0.9", ["ended", "largest grip"], None);
+    ends_through_a_driver_as_without("unscrew", "mu=0.9", ["ended", "largest force commanded"], None);
 }
 
 #[test]

@@ -11,6 +11,7 @@ pub struct ReportSummary {
     reasons: Vec<Unjudged>,
     slips_count: u64,
     torn_count: u64,
+    other_size_count: u64,
 }
 
 /// Frames that could not be judged, for one reason.
@@ -37,6 +38,7 @@ impl ReportSummary {
             return;
         };
         self.torn_count += u64::from(reason == Reason::Torn);
+        self.other_size_count += u64::from(matches!(reason, Reason::FrameSize { .. }));
         let why = match reason {
             Reason::FrameSize { .. } => "of another size",
             Reason::Dark { .. } => "dark",
@@ -114,6 +116,11 @@ impl ReportSummary {
     /// Frames that did not arrive whole.
     pub fn torn_count(&self) -> u64 {
         self.torn_count
+    }
+
+    /// Frames of another size than the first whole one, which the monitor cannot judge.
+    pub fn other_size_count(&self) -> u64 {
+        self.other_size_count
     }
 }
 

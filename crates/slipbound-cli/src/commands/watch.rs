@@ -187,7 +187,7 @@ impl Watch {
         }
         // A torn frame that was replaced by a newer one is lost all the same.
         let torn_count = summary.torn_count() + camera.map_or(0, |camera| camera.tally.counts().torn_count);
-        let is_whole = is_lossless? && torn_count == 0 && !overlay_ended;
+        let is_whole = is_lossless? && torn_count + summary.other_size_count() == 0 && !overlay_ended;
         Ok(Ended { outcome: if is_whole { Outcome::Done } else { Outcome::DataLost }, summary, first_slip })
     }
 

@@ -58,7 +58,7 @@ fn a_full_disk_changes_nothing_in_the_loop_and_is_told_at_the_end() {
     check_lost(Path::new(&cut), &with);
     assert!(printed(&with).contains("report.html: cannot write"), "{}", printed(&with));
     assert!(!Path::new(&cut).join("report.html").exists(), "half a page is none");
-    for name in ["ended", "largest grip", "slid in the fingers", "alarms"] {
+    for name in ["ended", "largest force commanded", "slid in the fingers", "alarms"] {
         assert_eq!(row(&printed(&without), name), row(&printed(&with), name), "{name}");
     }
     // The remaining part replays, up to where it is cut off.

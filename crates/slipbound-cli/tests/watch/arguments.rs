@@ -113,7 +113,7 @@ fn rest_may_be_named() {
     assert_eq!(trial.report("report.json")[0]["rest"]["kind"], "unloaded");
     trial.write("run/000.jpg", &encode(&[128; 64 * 48], SizePx::new(64, 48)));
     let ended = trial.watch("run", &["--rest", "untouched.jpg", "--json", "report.json"]);
-    ended.expect(0, &[]);
+    ended.expect(3, &[]);
     assert!(ended.out.contains("1 frame of another size; the first is frame 0"), "{ended:?}");
 }
 

@@ -28,7 +28,7 @@ fn other_sizes_and_black_frames_are_unjudged_with_the_reason() {
     trial.write("run/000.jpg", &encode(&[128; 64 * 48], SizePx::new(64, 48)));
     trial.write("run/004.jpg", &encode(&vec![0; SIZE.area()], SIZE));
     let ended = trial.watch("run", &["--json", "report.json"]);
-    ended.expect(0, &[]);
+    ended.expect(3, &[]);
     assert!(
         ended.out.contains(
             "1 frame of another size; the first is frame 0 (000.jpg): frame size: expected 320x240, got 64x48"

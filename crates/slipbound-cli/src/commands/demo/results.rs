@@ -49,7 +49,7 @@ pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<R
     }
     rows.push(row("alarms", run.alarms_count.to_string(), "", None));
     rows.push(row(
-        "largest grip",
+        "largest force commanded",
         format!("{:.1} N", run.most_n),
         &format!("at most {:.1} N", settings.grip.most_n),
         Some(run.most_n <= settings.grip.most_n),

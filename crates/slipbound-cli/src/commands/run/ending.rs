@@ -41,7 +41,7 @@ impl Ended<'_> {
         let rows = [
             row("ended", ending.map_or("not before the end of the source", Ending::name).into()),
             row("alarms", score.alarms_count.to_string()),
-            row("largest grip", format!("{:.1} N", score.most_n)),
+            row("largest force commanded", format!("{:.1} N", score.most_n)),
             row("grip at the end", self.held_n.map_or("unknown".into(), |n| format!("{n:.1} N per finger"))),
         ];
         let outcome = output.finish(&rows, ending, |page| format!("report: {page}"))?;
