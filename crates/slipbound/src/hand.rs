@@ -150,7 +150,7 @@ pub struct HandReport {
     pub shear_mm: Option<HandVector>,
     /// Rotation of the contact about Z since rest in rad, from X to Y; None without contact.
     pub pivot_rad: Option<f64>,
-    /// The longest slip vector among the fingers in mm; None where the pitch in mm is unknown.
+    /// The longest slip vector among the live fingers in mm; None without contact or where the pitch in mm is unknown.
     pub slip_max_mm: Option<f64>,
     /// Mean contact area per finger in mm2; None where the pitch in mm is unknown.
     pub contact_area_mm2: Option<f64>,
@@ -158,8 +158,8 @@ pub struct HandReport {
     pub quality: f64,
     /// What slips; None while nothing does.
     pub slip: Option<HandSlip>,
-    /// The least slip margin among the live fingers, 1 without load, 0 when the object slides; None while no finger knows
-    /// one. See [`Estimates`](crate::monitor::Estimates).
+    /// The least slip margin among the live fingers, 1 without load, 0 when the object slides, below 0 where the load is
+    /// above the estimated limit; None while no finger knows one. See [`Estimates`](crate::monitor::Estimates).
     #[serde(default)]
     pub margin: Option<f64>,
     /// How many live fingers know a margin.
@@ -305,7 +305,7 @@ impl Hand {
             separated,
             shear_mm: fused_vector(shear, separated),
             pivot_rad: mean(touching().map(|(f, r)| Some(f.mounting.sense() * r.shear?.rotation_rad))),
-            slip_max_mm: touching().map(|(_, r)| r.slip.max_mm).try_fold(0.0f64, |most, mm| Some(most.max(mm?))),
+            slip_max_mm: touching().map(|(_, r)| r.slip.max_mm).reduce(|most, mm| Some(most?.max(mm?))).flatten(),
             contact_area_mm2: mean(area()),
             quality: live().map(|(_, r)| r.contact.quality).fold(1.0, f64::min)
                 * f64::from(live().count().min(1) as u32),

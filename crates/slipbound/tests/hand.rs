@@ -95,6 +95,11 @@ fn of_several_fingers_the_worst_counts_and_areas_are_averaged() {
     let hand = fused(&left, &away);
     assert_eq!((hand.contact_area_mm2, hand.slip_max_mm, hand.quality), (Some(100.0), Some(0.1), 0.6));
     assert_eq!((hand.live_count, hand.state), (2, SlipState::Stick));
+    // Where nothing is touched or seen, nothing is measured: that is not a slip of 0 mm.
+    let blind = SlipReport { state: SlipState::Unjudged, ..left };
+    for hand in [fused(&away, &away), fused(&blind, &blind)] {
+        assert_eq!((hand.contact_area_mm2, hand.slip_max_mm), (None, None));
+    }
 }
 
 #[test]
