@@ -3,7 +3,7 @@
     python3 docs/check_commands.py target/release/slipbound [page.md ...]
 
 Each page below has a folder of its own. Blocks fenced as ```sh are run in their order by `bash -e`, with the program on the PATH; what
-they print is shown when one fails. A block fenced as ```python runs before the next block of the page. Blocks fenced as ```console are
+they print is shown when one fails. So does a `slipbound demo` that misses one of its targets, unless a --fault is simulated. A block fenced as ```python runs before the next block of the page. Blocks fenced as ```console are
 commands of an installation: each line of theirs has to stand in one of the scripts RUN_BY, which run it.
 
 Of the README and the pages that are not run, because they need a camera, a gripper or hours, every line that begins with `slipbound` (or
@@ -41,13 +41,22 @@ def run(page: str, folder: str, path: str) -> list[str]:
             missing = [line for line in block.splitlines() if line.strip() and line.split("  #")[0].strip() not in elsewhere]
             failed += [f"{page}: {line}: is run nowhere" for line in missing]
             continue
-        command = ["bash", "-ec", block] if kind == "sh" else [sys.executable, "-c", block]
+        command = ["bash", "-exc", block] if kind == "sh" else [sys.executable, "-c", block]
         began = time.monotonic()
-        done = subprocess.run(command, cwd=folder, env={**os.environ, "PATH": path}, capture_output=True, text=True)
+        whole = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+        done = subprocess.run(command, cwd=folder, env={**os.environ, "PATH": path}, **whole)
         print(f"{page}: {block.strip().splitlines()[0]} ... {time.monotonic() - began:.1f} s", flush=True)
         if done.returncode != 0:
-            failed.append(f"{page}: exit code {done.returncode}:\n{block}{done.stdout}{done.stderr}")
+            failed.append(f"{page}: exit code {done.returncode}:\n{block}{done.stdout}")
+        failed += [f"{page}: {line}" for line in missed(done.stdout)]
     return failed
+
+
+def missed(printed: str) -> list[str]:
+    """The demos, as `bash -x` names them above what they print, that miss a target although nothing fails."""
+    runs = re.split(r"^\++ ", printed, flags=re.M)
+    demos = [run for run in runs if run.startswith("slipbound demo") and "--fault" not in run.splitlines()[0]]
+    return [run for run in demos if re.search(r": missed$", run, re.M)]
 
 
 def words(line: str) -> list[str]:
