@@ -2,8 +2,8 @@
 
     cargo build --release && python3 bench/animation.py target/release/slipbound docs/screwing.webp
 
-Left the cap from above and what the left finger's camera saw, with measured (yellow) and rigid (red) displacement; right the
-grip force over time, as commanded and as measured, and the load that the cap puts on. The frame turns red while the hand sees slip.
+Left the cap from above and what the left finger's camera saw, with measured (yellow) and rigid (light blue) displacement; right the
+grip force over time, as commanded and as measured, and the load that the cap puts on. The frame turns purple while the hand sees slip.
 All of it is read from a run of `slipbound demo --record`; the overlay is that of `slipbound watch` on the recorded frames.
 Needs Pillow.
 """
@@ -24,7 +24,7 @@ EVERY_FRAMES = 3
 MS_A_FRAME = 100
 LAST_MS = 1500
 PAPER, INK, SOFT, GRID = "#ffffff", "#1c2127", "#56606b", "#e6e9ed"
-BLUE, ORANGE, GREEN, RED = "#0072b2", "#c75200", "#00835f", "#d0312d"
+BLUE, ORANGE, GREEN, SLIP = "#0072b2", "#c75200", "#00835f", "#961ec8"
 CAMERA_PX = (16, 46, 360, 270)
 """Left, top, width and height of the camera's picture."""
 ABOVE_PX, BELOW_PX = 108, 42
@@ -56,8 +56,8 @@ def chart(draw: ImageDraw.ImageDraw, cycles: list[dict], now: int) -> None:
         if cycle["slips_count"] > slips:
             slips = cycle["slips_count"]
             x, _ = at(cycle["time_ns"] / 1e9, 0.0)
-            draw.line([(x, top), (x, top + height)], fill=RED, width=1)
-            draw.ellipse([x - 8, top - 18, x + 8, top - 2], fill=RED)
+            draw.line([(x, top), (x, top + height)], fill=SLIP, width=1)
+            draw.ellipse([x - 8, top - 18, x + 8, top - 2], fill=SLIP)
             draw.text((x, top - 10), str(slips), fill=PAPER, font=font(12), anchor="mm")
     load = [at(c["time_ns"] / 1e9, c["truth"]["required_n"] or 0.0) for c in seen if c["truth"]]
     if len(load) > 1:
@@ -111,8 +111,8 @@ def picture(overlay: Path, cycles: list[dict], now: int) -> Image.Image:
     angle_rad = (cycle["truth"] or {}).get("cap_angle_rad") or 0.0
     cap(draw, angle_rad)
     if slips:
-        draw.rectangle([left - 3, top - 3, left + width + 2, top + height + 2], outline=RED, width=6)
-        draw.rounded_rectangle([left + width - 128, top + 8, left + width - 8, top + 36], 6, fill=RED)
+        draw.rectangle([left - 3, top - 3, left + width + 2, top + height + 2], outline=SLIP, width=6)
+        draw.rounded_rectangle([left + width - 128, top + 8, left + width - 8, top + 36], 6, fill=SLIP)
         draw.text((left + width - 68, top + 22), "incipient slip", fill=PAPER, font=font(16), anchor="mm")
     draw.text((left, 24), "a cap is screwed on: left finger", fill=INK, font=font(18), anchor="lm")
     draw.text((CHART_PX[0] - 30, 24), "grip force, N per finger", fill=INK, font=font(18), anchor="lm")

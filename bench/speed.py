@@ -147,7 +147,7 @@ def plot(growth, of, path):
     ys = ticks(max(row["step_us_median"] for row in rows) / 1000)
     x = lambda v: left + (width - left - right) * v / xs[-1]
     y = lambda v: height - bottom - (height - bottom - top) * v / ys[-1]
-    colours = {"smooth": "#1f77b4", "fabric": "#d62728", "rectified": "#2ca02c"}
+    colours = {"smooth": "#0072b2", "fabric": "#c75200", "rectified": "#cc79a7"}
     parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="13">']
     parts.append(f'<rect width="{width}" height="{height}" fill="white"/>')
     for v in ys:

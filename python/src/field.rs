@@ -14,6 +14,8 @@ use std::sync::Arc;
 pub struct Kept {
     pub sensor: Arc<Sensor>,
     pub markers: Vec<Marker>,
+    /// The margin at which incipient slip is reported; None where another rule reports it.
+    alarm_margin: Option<f64>,
     /// Size of the frame, where no monitor has checked whether it fits.
     pub unjudged_px: Option<SizePx>,
     /// The contact region and the element that erodes it to the inner one; None without contact.
@@ -23,27 +25,25 @@ pub struct Kept {
 impl Kept {
     /// For a frame of this size of which nothing is known.
     pub fn nothing(sensor: Arc<Sensor>, frame_px: SizePx) -> Self {
-        Kept { sensor, markers: Vec::new(), unjudged_px: Some(frame_px), regions: None }
+        Kept { sensor, markers: Vec::new(), alarm_margin: None, unjudged_px: Some(frame_px), regions: None }
     }
 
     /// The state of the monitor after a frame; `touched`: whether there is a contact.
     pub fn of(monitor: &SlipMonitor, sensor: Arc<Sensor>, touched: bool) -> Self {
         let regions = touched.then(|| (monitor.contact_region().clone(), monitor.inner_erosion().cloned()));
-        Kept { sensor, markers: monitor.markers().to_vec(), unjudged_px: None, regions }
+        let alarm_margin = monitor.settings().slip.alarm_margin();
+        Kept { sensor, markers: monitor.markers().to_vec(), alarm_margin, unjudged_px: None, regions }
     }
 
     /// Shows it for an overlay.
     pub fn seen<R>(&self, draw: impl FnOnce(OverlayInput<'_>) -> R) -> R {
-        let Kept { sensor, markers, regions, .. } = self;
-        match regions {
-            Some((contact_region, inner)) => {
-                draw(OverlayInput { sensor, markers, contact_region, inner_erosion: inner.as_ref() })
-            }
-            None => {
-                let empty = Mask::new(sensor.rectified_px());
-                draw(OverlayInput { sensor, markers, contact_region: &empty, inner_erosion: None })
-            }
-        }
+        let Kept { sensor, markers, alarm_margin, regions, .. } = self;
+        let empty = Mask::new(sensor.rectified_px());
+        let (contact_region, inner_erosion) = match regions {
+            Some((contact_region, inner)) => (contact_region, inner.as_ref()),
+            None => (&empty, None),
+        };
+        draw(OverlayInput { sensor, markers, contact_region, inner_erosion, alarm_margin: *alarm_margin })
     }
 }
 

@@ -6,7 +6,7 @@
 //!
 //! It is well-formed XML as well as HTML, and looks like the page of a run.
 
-mod chart;
+pub(crate) mod chart;
 pub(crate) mod drawing;
 pub(crate) mod markup;
 pub(crate) mod picture;
@@ -16,6 +16,9 @@ pub use chart::{Chart, Draw, Series};
 use markup::{Escaped, base64};
 use slipbound::image::SizePx;
 use std::fmt;
+
+/// A longer text in a table is wrapped.
+const WORDS_MOST: usize = 28;
 
 /// A page.
 #[derive(Debug, Clone, Default)]
@@ -102,11 +105,12 @@ fn table(f: &mut fmt::Formatter<'_>, columns: &[String], rows: &[Vec<String>]) -
     for row in rows {
         write!(f, "<tr>")?;
         for cell in row {
-            // An interval follows its number in smaller type.
+            // An interval follows its number in smaller type; a sentence is wrapped.
             match cell.split_once(" [") {
                 Some((value, interval)) => {
                     write!(f, "<td>{} <small>[{}</small></td>", Escaped(value), Escaped(interval))?;
                 }
+                None if cell.len() > WORDS_MOST => write!(f, "<td class=\"words\">{}</td>", Escaped(cell))?,
                 None => write!(f, "<td>{}</td>", Escaped(cell))?,
             }
         }
@@ -134,15 +138,14 @@ mod tests {
     fn a_page_is_well_formed_and_keeps_its_order() {
         let size = SizePx::new(40, 20);
         let series = Series { name: "a < b".into(), points: vec![(0.0, 0.0), (1.0, 1.0)], draw: Draw::Line, colour: 1 };
-        let bars =
-            Series { name: "bars".into(), points: vec![(0.0, 0.5), (0.5, 1.0)], draw: Draw::Bars(0.5), colour: 2 };
+        let thick = Series { name: "thick".into(), draw: Draw::Thick, colour: 2, ..series.clone() };
         let chart = Chart {
             title: "ROC".into(),
             x_label: "false".into(),
             y_label: "true".into(),
             x: (0.0, 1.0),
             y: (0.0, 1.0),
-            series: vec![series, bars],
+            series: vec![series, thick],
             lines_at: vec![0.2],
         };
         let figure = Figure::new("worst", "missed", &vec![128; 3 * size.area()], size).expect("a picture");

@@ -1,4 +1,4 @@
-//! Overlay images of the results, in the paper's colours.
+//! Overlay images of the results, in the paper's colours but for the rigid motion, which is light blue.
 //!
 //! ```text
 //!   +--------------------------------------------------------------+
@@ -6,9 +6,9 @@
 //!   +------------------------------+-------------------------------+
 //!   | the rectified image:         | the same, paled:              |
 //!   |  contact green, inner white  |  contact green                |
-//!   |  measured yellow, rigid red  |  slip field black             |
+//!   |  measured yellow, rigid blue |  slip field black             |
 //!   |  ICR yellow dot              |  slip over threshold purple   |
-//!   |  reference point red arrow   |                               |
+//!   |  reference point blue arrow  |                               |
 //!   +------------------------------+-------------------------------+
 //!   | legend                                                       |
 //!   +--------------------------------------------------------------+

@@ -5,7 +5,7 @@ use slipbound::image::{Frame, Gray, Pixels, SizePx};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipRule, SlipState};
 use slipbound::plane::Vec2;
 use slipbound::port::{FrameBuffer, PixelFormat};
-use slipbound_rig::overlay::{Overlay, OverlayWriter};
+use slipbound_rig::overlay::{Overlay, OverlayInput, OverlayWriter};
 use slipbound_rig::report_summary::ReportSummary;
 use slipbound_rig::run::RecordingPage;
 use slipbound_rig::sensors;
@@ -84,7 +84,7 @@ fn count(overlay: &Overlay, rgb: [u8; 3]) -> [usize; 2] {
 }
 
 const YELLOW: [u8; 3] = [255, 222, 0];
-const RED: [u8; 3] = [232, 28, 36];
+const BLUE: [u8; 3] = [86, 180, 233];
 const BLACK: [u8; 3] = [0, 0, 0];
 const PURPLE: [u8; 3] = [150, 30, 200];
 
@@ -92,12 +92,13 @@ const PURPLE: [u8; 3] = [150, 30, 200];
 fn every_sign_is_drawn_in_its_panel() {
     let (monitor, pixels, report) = slipping();
     assert_eq!(report.state, SlipState::Incipient, "{report:?}");
+    assert_eq!(OverlayInput::from(&monitor).alarm_margin, None, "markers decide: no margin in the headline");
     let mut overlay = Overlay::new(monitor.sensor());
     assert_eq!(overlay.size(), SizePx::new(2 * 960 + 8, 76 + 720 + 40));
     overlay.draw(Some(&frame(&pixels, report.seq)), &report, &monitor);
     for (colour, what, [left, right]) in [
         (YELLOW, "measured displacement", [true, false]),
-        (RED, "rigid displacement", [true, false]),
+        (BLUE, "rigid displacement", [true, false]),
         (PURPLE, "slipping markers", [false, true]),
     ] {
         let seen = count(&overlay, colour);
@@ -126,7 +127,7 @@ fn what_is_not_judged_has_no_arrows() {
     overlay.draw(Some(&frame(&pixels, report.seq)), &report, &monitor);
     let torn = monitor.torn(report.seq + 1, None);
     overlay.draw(None, &torn, &monitor);
-    for colour in [YELLOW, RED, PURPLE, BLACK] {
+    for colour in [YELLOW, BLUE, PURPLE, BLACK] {
         assert_eq!(count(&overlay, colour), [0, 0], "{colour:?}");
     }
     let small = [9; 32 * 32];
@@ -177,6 +178,8 @@ fn the_page_of_a_recording_tells_once_from_which_slip_on_there_is_no_picture() {
         page.event(&begins, "slip", &frame, &monitor);
         if [60, 62].contains(&slip) {
             let html = page.html(&ReportSummary::new());
+            let [r, g, b] = PURPLE;
+            assert!(html.contains(&format!("--incipient: #{r:02x}{g:02x}{b:02x}")), "as on the overlay");
             let shown = (html.matches("<img").count(), html.matches(told).count());
             assert_eq!(shown, (60, usize::from(slip > 60)), "{slip} slips");
             assert!(slip == 60 || html.find(told) < html.find("id=\"slip-61\""));

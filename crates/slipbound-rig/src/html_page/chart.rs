@@ -1,16 +1,16 @@
-//! Lines and bars over two axes, as inline SVG. Axes and lines are kuva's.
+//! Lines over two axes, as inline SVG. Axes and lines are kuva's.
 
 use super::drawing;
 use super::markup::Escaped;
-use kuva::plot::{BandPlot, LinePlot};
+use kuva::plot::LinePlot;
 use kuva::render::annotations::ReferenceLine;
-use kuva::render::layout::Layout;
+use kuva::render::layout::{Layout, TickFormat};
 use kuva::render::plots::Plot;
 use std::fmt;
 
 /// A chart is drawn for a window and for one as narrow as a phone; the style sheet shows one of them: class, width and
 /// height in px.
-const SIZES: [(&str, f64, f64); 2] = [("wide", 760.0, 420.0), ("narrow", 390.0, 290.0)];
+const SIZES: [(&str, f64, f64); 2] = [("wide", 560.0, 340.0), ("narrow", 390.0, 290.0)];
 
 /// Colours of the style sheet; further series repeat them.
 const COLOURS_COUNT: usize = 9;
@@ -34,12 +34,12 @@ pub struct Chart {
     pub lines_at: Vec<f64>,
 }
 
-/// A line or a row of bars.
+/// A line.
 #[derive(Debug, Clone)]
 pub struct Series {
     /// What it is called.
     pub name: String,
-    /// Its points; of bars their left edges and heights.
+    /// Its points.
     pub points: Vec<(f64, f64)>,
     /// How it is drawn.
     pub draw: Draw,
@@ -52,10 +52,8 @@ pub struct Series {
 pub enum Draw {
     /// From point to point.
     Line,
-    /// The same, dashed.
-    Dashed,
-    /// Bars of this width over the points, as an outline with its area.
-    Bars(f64),
+    /// The same with a thicker line.
+    Thick,
 }
 
 impl Series {
@@ -63,22 +61,13 @@ impl Series {
         format!("var(--c{})", self.colour.saturating_sub(1) % COLOURS_COUNT + 1)
     }
 
-    fn plots(&self) -> Vec<Plot> {
-        let line = |points: &[(f64, f64)]| {
-            LinePlot::new().with_data(points.to_vec()).with_color(self.colour().as_str()).with_stroke_width(1.8)
+    fn plot(&self) -> Plot {
+        let width = match self.draw {
+            Draw::Line => 1.8,
+            Draw::Thick => 3.2,
         };
-        match self.draw {
-            Draw::Line => vec![line(&self.points).into()],
-            Draw::Dashed => vec![line(&self.points).with_dashed().into()],
-            Draw::Bars(width) => {
-                let outline: Vec<(f64, f64)> =
-                    self.points.iter().flat_map(|&(x, y)| [(x, y), (x + width, y)]).collect();
-                let (x, y): (Vec<f64>, Vec<f64>) = outline.iter().copied().unzip();
-                let floor = vec![0.0; x.len()];
-                let area = BandPlot::new(x, floor, y).with_color(self.colour().as_str()).with_opacity(0.18);
-                vec![area.into(), line(&outline).into()]
-            }
-        }
+        let points = self.points.clone();
+        LinePlot::new().with_data(points).with_color(self.colour().as_str()).with_stroke_width(width).into()
     }
 }
 
@@ -87,13 +76,8 @@ impl Chart {
     pub(super) fn write(&self, f: &mut fmt::Formatter<'_>, number: usize) -> fmt::Result {
         writeln!(f, "<figure class=\"plot chart\">\n<figcaption><b>{}</b>", Escaped(&self.title))?;
         for series in &self.series {
-            let class = match series.draw {
-                Draw::Line => "solid",
-                Draw::Dashed => "dashed",
-                Draw::Bars(_) => "area",
-            };
             let (colour, name) = (series.colour(), Escaped(&series.name));
-            writeln!(f, "<span class=\"line\"><i class=\"{class}\" style=\"--c:{colour}\"></i>{name}</span>")?;
+            writeln!(f, "<span class=\"line\"><i class=\"solid\" style=\"--c:{colour}\"></i>{name}</span>")?;
         }
         let label = Escaped(&self.title);
         writeln!(f, "</figcaption>")?;
@@ -119,11 +103,32 @@ impl Chart {
             .with_y_axis_max(self.y.1)
             .with_x_label(self.x_label.as_str())
             .with_y_label(self.y_label.as_str())
+            .with_tick_format(plain_decimals())
             .with_tick_size(12)
             .with_label_size(12);
         for &x in &self.lines_at {
             layout = layout.with_reference_line(ReferenceLine::vertical(x).with_color("var(--axis)"));
         }
-        drawing::drawn(self.series.iter().flat_map(Series::plots).collect(), layout)
+        drawing::drawn(self.series.iter().map(Series::plot).collect(), layout)
+    }
+}
+
+/// `0.005` and `12000`, all labels of an axis alike; powers of ten only for what would be lost in zeros.
+pub(crate) fn plain_decimals() -> TickFormat {
+    let shown = |value: f64| match value.abs() {
+        1e-6..1e9 => format!("{value:.6}").trim_end_matches('0').trim_end_matches('.').to_owned(),
+        _ => TickFormat::Auto.format(value),
+    };
+    TickFormat::Custom(std::sync::Arc::new(shown))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_of_an_axis_are_plain_decimals() {
+        let shown = [0.0, 0.005, 0.01, 0.3, 20.0, 12500.5, -0.0025].map(|value| plain_decimals().format(value));
+        assert_eq!(shown, ["0", "0.005", "0.01", "0.3", "20", "12500.5", "-0.0025"]);
     }
 }

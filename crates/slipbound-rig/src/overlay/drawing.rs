@@ -18,6 +18,10 @@ const PANEL_MIN_PX: f64 = 720.0;
 const ARROW_MIN_PX: f64 = 45.0;
 /// ... but not more than this: they would run into each other.
 const MAGNIFICATION_MAX: f64 = 3.0;
+/// On still images the longest arrow is brought up to one pitch by one of these.
+const STILL_MAGNIFICATIONS: [f64; 5] = [20.0, 10.0, 5.0, 2.0, 1.0];
+/// With it, the longest arrow has at most this length, in pitches, and in general more than half a pitch.
+const STILL_MOST_PITCH: f64 = 1.5;
 /// Shorter arrows (in canvas pixels) are left out: they would be blots.
 const ARROW_SHOWN_PX: f64 = 5.0;
 /// Gap between the panels.
@@ -38,6 +42,8 @@ pub struct Overlay {
     scale: f64,
     /// Arrows are drawn this many times as long as the displacement in the image.
     magnification: f64,
+    /// Whether each panel has a magnification of its own instead.
+    for_stills: bool,
 }
 
 impl Overlay {
@@ -61,7 +67,15 @@ impl Overlay {
             erosion: Morphology::new(rectified),
             scale,
             magnification,
+            for_stills: false,
         }
+    }
+
+    /// For still images: the arrows of each panel are magnified until the longest is about one pitch long, so that a
+    /// small slip can be seen, too. The caption tells how much. In a video the arrows of all frames have one scale.
+    #[must_use]
+    pub fn for_stills(self) -> Self {
+        Overlay { for_stills: true, ..self }
     }
 
     /// Size of the image.
@@ -80,7 +94,7 @@ impl Overlay {
         let found = found.into();
         if found.sensor.rectified_px() != self.eroded.size() {
             // The frames have another size than the sensor file states: the monitor's sensor has theirs.
-            *self = Overlay::new(found.sensor);
+            *self = Overlay { for_stills: self.for_stills, ..Overlay::new(found.sensor) };
         }
         let seen = frame.filter(|f| f.pixels.size() == found.sensor.image_px);
         let judged = seen.is_some() && report.state != SlipState::Unjudged;
@@ -97,8 +111,10 @@ impl Overlay {
             let left = (0, strips::HEAD_PX);
             self.panel.put(self.backdrop.rgb());
             if judged {
-                self.draw_motion(report.motion.as_ref(), found.markers, pitch_px);
-                let caption = format!("displacement since the reference, arrows x{:.0}", self.magnification);
+                let moved = found.markers.iter().filter(|m| m.matched && m.in_reference);
+                let times = self.magnification_of(moved.map(Marker::now_from_reference), pitch_px);
+                self.draw_motion(report.motion.as_ref(), found.markers, pitch_px, times);
+                let caption = format!("displacement since the reference, arrows x{times:.0}");
                 strips::caption(&mut self.panel, &caption);
             }
             self.canvas.paste(&self.panel, left);
@@ -106,8 +122,10 @@ impl Overlay {
             self.backdrop.pale();
             self.panel.put(self.backdrop.rgb());
             if judged {
-                self.draw_slip(found.markers, pitch_px);
-                let caption = format!("slip field = measured - rigid, arrows x{:.0}", self.magnification);
+                let slipped = found.markers.iter().filter(|m| m.matched && m.in_contact);
+                let times = self.magnification_of(slipped.map(|m| m.slip), pitch_px);
+                self.draw_slip(found.markers, pitch_px, times);
+                let caption = format!("slip field = measured - rigid, arrows x{times:.0}");
                 strips::caption(&mut self.panel, &caption);
             }
             self.canvas.paste(&self.panel, (self.panel.size().width + GAP_PX, strips::HEAD_PX));
@@ -115,12 +133,21 @@ impl Overlay {
         if seen.is_none() {
             strips::no_picture(&mut self.canvas);
         }
-        strips::head(&mut self.canvas, report, found.markers);
-        strips::legend(&mut self.canvas);
+        strips::head(&mut self.canvas, report, found.markers, found.alarm_margin);
+        strips::legend(&mut self.canvas, report.slip.threshold_pitch);
+    }
+
+    /// How much to magnify these vectors of a panel.
+    fn magnification_of(&self, vectors: impl Iterator<Item = Vec2>, pitch_px: f64) -> f64 {
+        let longest_px = vectors.map(Vec2::length).fold(0.0, f64::max);
+        if !self.for_stills || longest_px == 0.0 {
+            return self.magnification;
+        }
+        STILL_MAGNIFICATIONS.into_iter().find(|times| times * longest_px <= STILL_MOST_PITCH * pitch_px).unwrap_or(1.0)
     }
 
     /// Measured and rigid displacement since the reference, ICR and reference point.
-    fn draw_motion(&mut self, motion: Option<&MotionReport>, markers: &[Marker], pitch_px: f64) {
+    fn draw_motion(&mut self, motion: Option<&MotionReport>, markers: &[Marker], pitch_px: f64, times: f64) {
         let rigid = motion.map(|m| RigidMotion {
             reference: m.reference_px,
             translation: m.translation_px,
@@ -136,18 +163,18 @@ impl Overlay {
             } else if m.in_reference {
                 let alpha = if m.in_contact { 1.0 } else { 0.55 };
                 let moved = m.now_from_reference();
-                self.arrow(m.reference, moved * self.magnification, 2.3 * width, MEASURED, alpha);
+                self.arrow(m.reference, moved * times, 2.3 * width, MEASURED, alpha);
             }
         }
         let Some(rigid) = rigid else { return };
         for m in markers.iter().filter(|m| m.in_contact && m.in_reference) {
             let moved = rigid.displacement(m.reference);
-            self.arrow(m.reference, moved * self.magnification, width, RIGID, 1.0);
+            self.arrow(m.reference, moved * times, width, RIGID, 1.0);
         }
         let reference = self.at(rigid.reference);
         self.panel.dot(reference, 3.2 * width, PAPER);
         self.panel.dot(reference, 2.4 * width, RIGID);
-        self.arrow(rigid.reference, rigid.translation * self.magnification, 2.2 * width, RIGID, 1.0);
+        self.arrow(rigid.reference, rigid.translation * times, 2.2 * width, RIGID, 1.0);
         if let Some(icr) = motion.and_then(|m| m.icr_px) {
             let at = self.at(icr);
             self.panel.dot(at, 4.6 * width, SLIP);
@@ -156,7 +183,7 @@ impl Overlay {
     }
 
     /// The slip field, and which markers slip.
-    fn draw_slip(&mut self, markers: &[Marker], pitch_px: f64) {
+    fn draw_slip(&mut self, markers: &[Marker], pitch_px: f64, times: f64) {
         self.panel.region(&self.contact, CONTACT, 0.06);
         let width = self.width(pitch_px);
         for m in markers.iter().filter(|m| m.matched && m.in_contact) {
@@ -169,7 +196,7 @@ impl Overlay {
             }
         }
         for m in markers.iter().filter(|m| m.matched && m.in_contact) {
-            self.arrow(m.now, m.slip * self.magnification, width, SLIP, 1.0);
+            self.arrow(m.now, m.slip * times, width, SLIP, 1.0);
         }
     }
 
@@ -179,10 +206,10 @@ impl Overlay {
         if by.length() < ARROW_SHOWN_PX || !by.is_finite() {
             return;
         }
-        // Red is drawn on yellow: a wide halo would hide that both point the same way.
+        // Blue is drawn on yellow: a wide halo would hide that both point the same way.
         let halo = match colour {
             SLIP => (1.8, PAPER.with_alpha(0.85)),
-            RIGID => (0.8, SLIP.with_alpha(0.35)),
+            RIGID => (1.2, SLIP.with_alpha(0.7)),
             _ => (1.8, SLIP.with_alpha(0.45 * alpha)),
         };
         self.panel.arrow(from, from + by, width, colour.with_alpha(alpha), halo);
@@ -197,5 +224,23 @@ impl Overlay {
     /// halves on the panel.
     fn at(&self, p: Vec2) -> Vec2 {
         (p + Vec2::new(0.5, 0.5)) * self.scale
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensors;
+
+    #[test]
+    fn the_longest_arrow_of_a_still_is_about_a_pitch_long_and_those_of_a_video_have_one_scale() {
+        let sensor = sensors::load("gelslim").expect("built in");
+        let (video, still) = (Overlay::new(&sensor), Overlay::new(&sensor).for_stills());
+        for (longest_pitch, times) in [(0.01, 20.0), (0.07, 20.0), (0.14, 10.0), (0.28, 5.0), (0.64, 2.0), (4.0, 1.0)] {
+            let vectors = [0.2, 1.0].map(|share| Vec2::new(0.0, share * longest_pitch * sensor.pitch_px));
+            assert_eq!(still.magnification_of(vectors.into_iter(), sensor.pitch_px), times, "{longest_pitch}");
+            assert_eq!(video.magnification_of(vectors.into_iter(), sensor.pitch_px), video.magnification);
+        }
+        assert_eq!(still.magnification_of(std::iter::empty(), sensor.pitch_px), still.magnification);
     }
 }

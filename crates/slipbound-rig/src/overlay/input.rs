@@ -16,6 +16,8 @@ pub struct OverlayInput<'a> {
     pub contact_region: &'a Mask,
     /// The structuring element that erodes the contact region to the inner one; None without contact.
     pub inner_erosion: Option<&'a Element>,
+    /// The margin at which incipient slip is reported; None where the markers over the threshold decide.
+    pub alarm_margin: Option<f64>,
 }
 
 impl<'a> From<&'a SlipMonitor> for OverlayInput<'a> {
@@ -25,6 +27,7 @@ impl<'a> From<&'a SlipMonitor> for OverlayInput<'a> {
             markers: monitor.markers(),
             contact_region: monitor.contact_region(),
             inner_erosion: monitor.inner_erosion(),
+            alarm_margin: monitor.settings().slip.alarm_margin(),
         }
     }
 }

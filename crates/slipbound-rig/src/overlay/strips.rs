@@ -1,8 +1,8 @@
 //! The strips above and below the panels: verdict in words, legend.
 
 use super::canvas::{Canvas, Colour, Text};
-use super::palette::{CONTACT, INNER, LOST, MEASURED, PAPER, RIGID, SLIP, SLIPPING};
-use slipbound::monitor::{Marker, SlipKind, SlipReport, SlipState, SlipSummary};
+use super::palette::{CONTACT, GROSS, INNER, LOST, MEASURED, PAPER, RIGID, SLIP, SLIPPING};
+use slipbound::monitor::{Estimate, Marker, SlipKind, SlipReport, SlipState, SlipSummary};
 use slipbound::plane::Vec2;
 
 /// Height of the strip with the verdict.
@@ -13,8 +13,8 @@ pub(super) const LEGEND_PX: usize = 40;
 const WORDS: Colour = Colour::new(236, 239, 243);
 const QUIET: Colour = Colour::new(160, 168, 178);
 
-/// State, frame and the numbers behind them.
-pub(super) fn head(canvas: &mut Canvas, report: &SlipReport, markers: &[Marker]) {
+/// State, frame and the numbers behind them. The margin is shown where it decides.
+pub(super) fn head(canvas: &mut Canvas, report: &SlipReport, markers: &[Marker], alarm_margin: Option<f64>) {
     let (name, colour) = badge(report.state);
     let width = Text::Large.width(name) + 28;
     canvas.rectangle(12, 10, width, 32, colour);
@@ -24,14 +24,18 @@ pub(super) fn head(canvas: &mut Canvas, report: &SlipReport, markers: &[Marker])
     if let Some(reason) = &report.reason {
         line += &format!("   {reason}");
     }
-    if let Some(margin) = report.estimates.margin {
-        line += &format!("   margin {:.2}", margin.value);
-    }
+    line += &margin_in_words(report.estimates.margin, alarm_margin);
     line += &slip_in_words(report.state, &report.slip);
     canvas.text((12 + width + 16, 14), Text::Large, WORDS, &line);
     if report.state != SlipState::Unjudged {
         canvas.text((14, 50), Text::Small, QUIET, &numbers(report, markers));
     }
+}
+
+/// The margin beside the one at which it raises the alarm; nothing where another rule does.
+fn margin_in_words(margin: Option<Estimate>, alarm_margin: Option<f64>) -> String {
+    let Some((margin, alarm)) = margin.zip(alarm_margin) else { return String::new() };
+    format!("   margin {:.2}, alarm below {alarm:.2}", margin.value)
 }
 
 /// How the object slides, or would slide if the load grew.
@@ -83,8 +87,8 @@ fn badge(state: SlipState) -> (&'static str, Colour) {
         SlipState::Unsure => ("UNSURE", Colour::new(196, 138, 20)),
         SlipState::Stick => ("STICK", Colour::new(28, 140, 66)),
         SlipState::Incipient => ("INCIPIENT SLIP", SLIPPING),
-        SlipState::Gross => ("GROSS SLIP", RIGID),
-        SlipState::Unjudged => ("UNJUDGED", Colour::new(74, 78, 86)),
+        SlipState::Gross => ("GROSS SLIP", GROSS),
+        SlipState::Unjudged => ("UNJUDGED", Colour::new(76, 104, 140)),
     }
 }
 
@@ -103,10 +107,13 @@ pub(super) fn no_picture(canvas: &mut Canvas) {
 }
 
 /// Symbol and name of everything that is drawn.
-pub(super) fn legend(canvas: &mut Canvas) {
+pub(super) fn legend(canvas: &mut Canvas, threshold_pitch: f64) {
     let size = canvas.size();
     let middle = size.height as f64 - LEGEND_PX as f64 / 2.0;
     let top = size.height as i32 - LEGEND_PX as i32 / 2 - Text::Small.height() / 2;
+    // A frame that was not judged has no threshold.
+    let over = if threshold_pitch > 0.0 { format!("{threshold_pitch:.2} pitch") } else { "threshold".into() };
+    let over = format!("slip over {over}");
     let entries = [
         (Sign::Patch(CONTACT), "contact"),
         (Sign::Patch(INNER), "inner"),
@@ -115,7 +122,7 @@ pub(super) fn legend(canvas: &mut Canvas) {
         (Sign::Reference, "reference point"),
         (Sign::Dot(MEASURED), "ICR"),
         (Sign::Arrow(SLIP, 2.8), "slip"),
-        (Sign::Dot(SLIPPING), "slip over threshold"),
+        (Sign::Dot(SLIPPING), &over),
         (Sign::Ring(LOST), "lost"),
     ];
     let words: i32 = entries.iter().map(|(_, word)| Text::Small.width(word)).sum();
@@ -166,6 +173,14 @@ enum Sign {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Where the paper's rule decides, ours would contradict the badge.
+    #[test]
+    fn the_margin_is_shown_beside_its_alarm_and_only_where_it_decides() {
+        let margin = Some(Estimate { value: 0.41, sd: 0.02, age_frames: 0 });
+        assert_eq!(margin_in_words(margin, Some(0.5)), "   margin 0.41, alarm below 0.50");
+        assert_eq!([margin_in_words(margin, None), margin_in_words(None, Some(0.5))], ["", ""]);
+    }
 
     /// Incipient slip is not yet a motion of the object.
     #[test]

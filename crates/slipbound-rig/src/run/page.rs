@@ -33,8 +33,10 @@ pub(super) const PICTURES_MOST: usize = 60;
 
 /// Legend of the arrows in the images.
 const KEY: &str = "<p class=\"key\">Arrows on the left: <span class=\"measured\">yellow</span> measured, \
-                   <span class=\"rigid\">red</span> as a rigid body would move. On the right: black the difference, \
-                   <span class=\"slipping\">purple</span> the markers whose slip is over the threshold.</p>";
+                   <span class=\"rigid\">light blue</span> as a rigid body would move. On the right: black the difference, \
+                   <span class=\"slipping\">purple</span> the markers whose slip is over the paper's threshold. By \
+                   default the margin raises the alarm, not their number: it can come before any is purple, and not \
+                   come where many are.</p>";
 
 /// The image of a finger at a slip.
 #[derive(Debug)]
@@ -121,7 +123,7 @@ impl Page<'_> {
                     (None, None) => "until it broke off",
                 },
             ),
-            (self.slips_count.to_string(), "slips"),
+            (self.slips_count.to_string(), if self.slips_count == 1 { "slip" } else { "slips" }),
             (last.map_or(0, |c| c.alarms_count).to_string(), "alarms of the controller"),
             (format!("{most_n:.1} N"), "largest force commanded, per finger"),
             (self.info.fingers.len().to_string(), if self.info.fingers.len() == 1 { "finger" } else { "fingers" }),

@@ -34,7 +34,7 @@ impl RunRecorder {
         let frames = if keeps_frames { Some(FrameRecorder::create(folder)?) } else { None };
         Ok(RunRecorder {
             folder: run,
-            overlays: info.fingers.iter().map(|finger| Overlay::new(&finger.sensor)).collect(),
+            overlays: info.fingers.iter().map(|finger| Overlay::new(&finger.sensor).for_stills()).collect(),
             frames,
             has_gap: false,
             lost_count: 0,
@@ -90,8 +90,8 @@ impl RunRecorder {
             return Ok(());
         }
         let force = match cycle.grip_command.force_n() {
-            Some(force_n) => format!("grip commanded then {force_n:.1} N"),
-            None => "grip released".into(),
+            Some(force_n) => format!("at a commanded grip of {force_n:.1} N"),
+            None => "with the grip released".into(),
         };
         for (finger, overlay) in view.fingers.iter().zip(&mut self.overlays) {
             let (Some(monitor), Some(report)) = (finger.monitor, finger.report) else { continue };

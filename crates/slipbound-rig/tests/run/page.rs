@@ -270,5 +270,5 @@ fn the_slip_of_a_finger_whose_pitch_is_unknown_is_shown_in_pitches() {
     let html = fs::read_to_string(run.finish(&[], None).expect("finishes")).expect("reads");
     let plot = html.split("<b>Slip</b>").nth(1).expect("a plot of the slip");
     assert!(plot.starts_with(", marker pitches") && !html.contains("<b>Slip</b>, mm"), "{}", &plot[..80]);
-    assert!(plot.contains("largest of a marker, since the reference"), "{}", &plot[..400]);
+    assert!(plot.contains("largest deviation of a marker from rigid motion"), "{}", &plot[..400]);
 }

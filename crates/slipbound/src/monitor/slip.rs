@@ -68,6 +68,11 @@ impl Default for SlipSettings {
 }
 
 impl SlipSettings {
+    /// The margin at which incipient slip is reported; None where another rule reports it.
+    pub fn alarm_margin(&self) -> Option<f64> {
+        (self.rule == SlipRule::Margin).then_some(self.alarm_margin_fraction)
+    }
+
     pub(super) fn check(&self) -> Result<(), SettingError> {
         within("slip.alarm_margin_fraction", self.alarm_margin_fraction, 0.0, 1.0)?;
         within("slip.clear_margin_fraction", self.clear_margin_fraction, self.alarm_margin_fraction, 1.0)?;

@@ -65,7 +65,7 @@ pub fn of_worst(protocol: &dyn Protocol, records: &[TrialRecord], most: usize) -
             if frame.seq != shown_frame || figure.is_some() {
                 return;
             }
-            let mut overlay = Overlay::new(monitor.sensor());
+            let mut overlay = Overlay::new(monitor.sensor()).for_stills();
             overlay.draw(frame.frame().ok().as_ref(), report, monitor);
             let what = match failed.what {
                 "false alarm" => failed.what.to_owned(),

@@ -3,7 +3,6 @@
 use crate::run::info::RunInfo;
 use slipbound::control::Cycle;
 use slipbound::hand::HandVector;
-use slipbound::monitor::{SlipRule, SlipSettings};
 use slipbound::plant::{GRAVITY_M_PER_S2, PlantTruth};
 
 /// A wrist that has moved less than this, in mm or rad, has not moved.
@@ -46,6 +45,8 @@ pub(super) struct Panel {
     pub shown: (f64, f64),
     pub decimals: usize,
     pub lines: Vec<Line>,
+    /// How to read it, below the plot; empty for nothing.
+    pub note: &'static str,
 }
 
 impl Panel {
@@ -58,7 +59,7 @@ impl Panel {
         lines: Vec<Line>,
     ) -> Self {
         let bounds = (f64::NEG_INFINITY, f64::INFINITY);
-        Panel { title, unit, height_px, bounds, shown: (0.0, 0.0), decimals, lines }
+        Panel { title, unit, height_px, bounds, shown: (0.0, 0.0), decimals, lines, note: "" }
     }
 }
 
@@ -73,7 +74,7 @@ pub(super) fn of(cycles: &[Cycle], slips_pitch: &[Option<f64>], info: &RunInfo) 
         lowered(values),
         torque(values),
         load(values),
-        margin(values, alarm_margin(&info.monitor_settings.slip)),
+        margin(values, info.monitor_settings.slip.alarm_margin()),
         slip(values, (!knows_mm).then_some(slips_pitch)),
         shear(values),
     ];
@@ -147,7 +148,9 @@ fn torque(of: Values<'_>) -> Panel {
         of.truth("carried (truth)", "--c3", Solid, |t| t.torque_n_mm),
         of.truth("2 mu P R, as of a flat contact (truth)", "--c2", Dashed, |t| t.torque_limit_n_mm),
     ];
-    Panel::new("Torque on the cap", "N mm", 150.0, 0, lines)
+    let note = "More than 2 mu P R is no error: that is the limit of a flat contact, while the gel wraps around the cap and \
+                presses on it from the sides, too. From 40 N on the gel is also strained beyond its linear range.";
+    Panel { note, ..Panel::new("Torque on the cap", "N mm", 150.0, 0, lines) }
 }
 
 fn load(of: Values<'_>) -> Panel {
@@ -168,13 +171,13 @@ fn margin(of: Values<'_>, alarm: Option<f64>) -> Panel {
         of.line("margin of the controller", "--c2", Step, |c| c.margin),
         of.line("alarm", "--c2", Dashed, |c| c.hand.margin.and(alarm)),
     ];
-    let panel = Panel::new("Slip margin and stick ratio", "of 1", 180.0, 2, lines);
+    let panel = Panel::new("Slip margin and stick ratio", "fraction", 180.0, 2, lines);
     Panel { bounds: (-0.3, 1.0), shown: (0.0, 1.0), ..panel }
 }
 
 /// `in_pitches`: the largest slip of a marker in every cycle, in pitches, where no pitch is known in mm.
 fn slip(of: Values<'_>, in_pitches: Option<&[Option<f64>]>) -> Panel {
-    let mut largest = of.line("largest of a marker, since the reference", "--c1", Solid, |c| c.hand.slip_max_mm);
+    let mut largest = of.line("largest deviation of a marker from rigid motion", "--c1", Solid, |c| c.hand.slip_max_mm);
     let mut unit = "mm";
     if let Some(slips_pitch) = in_pitches {
         (largest.values, unit) = (slips_pitch.to_vec(), "marker pitches");
@@ -194,9 +197,4 @@ fn shear(of: Values<'_>) -> Panel {
         of.line("around or across", "--c3", Solid, part(|v| v.around, false)),
     ];
     Panel::new("Shear of the gels", "mm", 150.0, 3, lines)
-}
-
-/// The margin at which incipient slip is reported; None where another rule reports it.
-pub(super) fn alarm_margin(slip: &SlipSettings) -> Option<f64> {
-    (slip.rule == SlipRule::Margin).then_some(slip.alarm_margin_fraction)
 }

@@ -4,6 +4,7 @@
 use super::panels::{Line, Panel, Stroke};
 use super::phases::{self, ClassAndName, PHASE_BAND_PX, Stretch};
 use super::time_axis::{TimeAxis, Width};
+use crate::html_page::chart::plain_decimals;
 use crate::html_page::{drawing, markup::Escaped};
 use kuva::plot::{BandPlot, LinePlot};
 use kuva::render::annotations::ReferenceLine;
@@ -62,6 +63,9 @@ impl Timeline {
         writeln!(f, "</figcaption>")?;
         for width in Width::BOTH {
             self.write_one(f, panel, number, is_last, width)?;
+        }
+        if !panel.note.is_empty() {
+            writeln!(f, "<p class=\"key\">{}</p>", panel.note)?;
         }
         writeln!(f, "</figure>")
     }
@@ -142,6 +146,7 @@ fn drawn(time: &TimeAxis, panel: &Panel, times_ns: &[u64], frame: Frame) -> Stri
         .with_x_axis_max(to_s)
         .with_y_axis_min(least)
         .with_y_axis_max(most)
+        .with_tick_format(plain_decimals())
         .with_tick_size(12)
         .with_label_size(12);
     if width == Width::Wide {

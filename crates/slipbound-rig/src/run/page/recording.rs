@@ -8,7 +8,7 @@
 //!   events, settings (folded)
 //! ```
 
-use super::panels::{Line, Panel, Stroke, alarm_margin};
+use super::panels::{Line, Panel, Stroke};
 use super::phases::stretches;
 use super::plot::{Mark, Timeline};
 use super::strips::{self, Row};
@@ -67,8 +67,8 @@ impl RecordingPage {
             below: format!("{finger}: sensor {}{below}", sensor.name),
             settings: format!("{settings}\n# the finger\n{}", table(toml::to_string_pretty(sensor))),
             pitch: (sensor.pitch_px, sensor.pitch_mm),
-            alarm_margin: alarm_margin(&monitor.settings().slip),
-            overlay: Overlay::new(sensor),
+            alarm_margin: monitor.settings().slip.alarm_margin(),
+            overlay: Overlay::new(sensor).for_stills(),
             reports: Vec::new(),
             events: Vec::new(),
             slips: Vec::new(),
@@ -145,7 +145,7 @@ impl RecordingPage {
         let value = |estimate: Option<Estimate>| estimate.map(|estimate| estimate.value);
         let mut panels = vec![
             panel(
-                "Slip, largest of a marker since the reference",
+                "Slip: largest deviation of a marker from rigid motion",
                 unit("mm", "marker pitches"),
                 190.0,
                 3,
@@ -153,7 +153,7 @@ impl RecordingPage {
             ),
             panel(
                 "Contact area",
-                unit("mm2", "square pitches"),
+                unit("mm\u{b2}", "square pitches"),
                 150.0,
                 1,
                 vec![line("", "--c3", Area, &|r| {
@@ -182,7 +182,7 @@ impl RecordingPage {
                 shown: (0.0, 1.0),
                 ..panel(
                     "Slip margin and stick ratio",
-                    "of 1",
+                    "fraction",
                     170.0,
                     2,
                     vec![
