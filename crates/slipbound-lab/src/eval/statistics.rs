@@ -179,7 +179,25 @@ pub fn median(sample: &[f64]) -> Estimated {
     quantile(sample, 0.5)
 }
 
-/// The mean of independent numbers, with 1.96 standard errors to either side; no interval for fewer than two.
+/// Student's t for a two-sided 95 % interval with this many degrees of freedom, at least 1: the sums of Abramowitz and
+/// Stegun, 26.7.3 and 26.7.4, with t = sqrt(freedom) tan(angle).
+fn student_t(freedom: usize) -> f64 {
+    let within = |angle: f64| {
+        let (sine, cosine) = (libm::sin(angle), libm::cos(angle));
+        let is_odd = freedom % 2 == 1;
+        let (mut term, mut sum) = (if is_odd { sine * cosine } else { sine }, 0.0);
+        for n in (usize::from(is_odd)..freedom.saturating_sub(1)).step_by(2) {
+            sum += term;
+            term *= cosine * cosine * (n + 1) as f64 / (n + 2) as f64;
+        }
+        if is_odd { std::f64::consts::FRAC_2_PI * (angle + sum) } else { sum }
+    };
+    let angle = bisect(0.0, std::f64::consts::FRAC_PI_2, |angle| within(angle) < 0.95);
+    (freedom as f64).sqrt() * libm::tan(angle)
+}
+
+/// The mean of independent, normally distributed numbers with the interval of Student's t; no interval for fewer than
+/// two. The mean of numbers none of which is negative, such as errors, is not negative.
 pub fn mean(sample: &[f64]) -> Estimated {
     let n = sample.len() as f64;
     match sample.len() {
@@ -188,8 +206,9 @@ pub fn mean(sample: &[f64]) -> Estimated {
         count => {
             let mean = sample.iter().sum::<f64>() / n;
             let variance = sample.iter().map(|number| (number - mean) * (number - mean)).sum::<f64>() / (n - 1.0);
-            let half = Z * (variance / n).sqrt();
-            Estimated::of(mean, mean - half, mean + half, count as u64)
+            let half = student_t(count - 1) * (variance / n).sqrt();
+            let least = if sample.iter().all(|number| *number >= 0.0) { 0.0 } else { f64::NEG_INFINITY };
+            Estimated::of(mean, (mean - half).max(least), mean + half, count as u64)
         }
     }
 }
@@ -307,11 +326,24 @@ mod tests {
         assert_eq!((ranks(30, 1.0), ranks(9, 1.0), ranks(9, 0.0)), (None, None, None));
     }
 
+    /// Against the table of Student's t, and a mean of two errors, which is not below 0.
+    #[test]
+    fn a_mean_of_few_numbers_has_a_wide_interval() {
+        for (freedom, t) in [(1, 12.706), (2, 4.303), (3, 3.182), (4, 2.776), (9, 2.262), (10, 2.228), (120, 1.980)] {
+            near(Some(student_t(freedom)), t, 5e-4);
+        }
+        near(Some(student_t(1199)), 1.9620, 1e-4);
+        let errors = mean(&[0.02, 0.08]);
+        near(errors.high, 0.05 + 12.706 * 0.03, 1e-4);
+        assert_eq!(errors.low, Some(0.0));
+        assert!(mean(&[-0.02, 0.08]).low < Some(-0.3));
+    }
+
     #[test]
     fn means_and_rates_have_their_intervals() {
         let mean = mean(&[1.0, 2.0, 3.0, 4.0]);
         near(mean.value, 2.5, 1e-12);
-        near(mean.high, 2.5 + 1.96 * (5.0f64 / 3.0 / 4.0).sqrt(), 1e-4);
+        near(mean.high, 2.5 + 3.182 * (5.0f64 / 3.0 / 4.0).sqrt(), 1e-3);
         near(rate_per_h(0, 2.0).high, 1.498, 1e-3);
         near(rate_per_h(3, 1.0).high, 7.754, 1e-3); // Garwood's table
         assert_eq!(rate_per_h(3, 2.0).value, Some(1.5));
