@@ -1,6 +1,6 @@
 //! `slipbound eval`: trials judged by every detector, as records, tables and a page.
 
-mod page;
+pub(super) mod page;
 mod pictures;
 mod protocol_args;
 

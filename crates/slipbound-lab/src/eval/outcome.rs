@@ -105,12 +105,20 @@ pub fn never_slides(record: &TrialRecord) -> bool {
     record.truth != Some(false) && record.flag_of(REACHES_GROSS) == Some(false)
 }
 
-/// The number of trials that [`never_slides`] leaves out, as the last sentence of a note; empty for none.
+/// So many of the trials that are left out are named.
+const LEFT_OUT_SHOWN: usize = 5;
+
+/// The trials that [`never_slides`] leaves out, as the last sentence of a note; empty for none.
 pub(super) fn left_out_note<'a>(records: impl IntoIterator<Item = &'a TrialRecord>) -> String {
     let trials: BTreeSet<u64> = records.into_iter().filter(|r| never_slides(r)).map(|r| r.number).collect();
+    let shown: Vec<String> = trials.iter().take(LEFT_OUT_SHOWN).map(u64::to_string).collect();
+    let more = if trials.len() > LEFT_OUT_SHOWN { ", ..." } else { "" };
     match trials.len() {
         0 => String::new(),
-        count => format!(" Left out, as meant to slide and never sliding: {count}."),
+        count => {
+            let shown = shown.join(", ");
+            format!(" Left out (number {shown}{more}), as meant to slide and never sliding: {count}.")
+        }
     }
 }
 
@@ -372,7 +380,7 @@ mod tests {
         let note = left_out_note(&[never.clone(), slid.clone(), never]);
         assert_eq!(
             (note.as_str(), left_out_note(&[slid]).as_str()),
-            (" Left out, as meant to slide and never sliding: 1.", "")
+            (" Left out (number 0), as meant to slide and never sliding: 1.", "")
         );
     }
 

@@ -16,7 +16,7 @@ use crate::objects::OBJECTS;
 use crate::random::Random;
 use crate::rivals::{DETECTORS, Entry};
 use crate::scenes::Trial;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Grip forces per finger in N: the least force of a common gripper, a firm grip, a strong one.
 pub const FORCES_N: [f64; 3] = [5.0, 15.0, 30.0];
@@ -157,7 +157,9 @@ impl Protocol for Table1 {
         let trials: BTreeMap<u64, bool> = records.iter().map(|r| (r.number, is_paper(&r))).collect();
         let papers_count = trials.values().filter(|is_paper| **is_paper).count() as u64;
         let strong_count = trials.len() as u64 - papers_count;
-        let title = match papers_count {
+        let judged: BTreeSet<u64> =
+            records.iter().filter(|r| is_paper(r) && !never_slides(r)).map(|r| r.number).collect();
+        let title = match judged.len() as u64 {
             PAPERS_COUNT => format!("All {PAPERS_COUNT}"),
             some => format!("{some} of {PAPERS_COUNT}"),
         };
@@ -362,6 +364,9 @@ mod tests {
         let never = never.with("outcome", None::<&str>).with("reaches_gross", false);
         let with_fifth = Table1::new(0, Some(5)).tables(&[&records[..], &[never]].concat());
         assert_eq!((&with_fifth[0].rows, &with_fifth[3].rows), (&tables[0].rows, &tables[3].rows));
-        assert!(with_fifth[0].note.ends_with("never sliding: 1.") && !with_fifth[1].note.contains("sliding"));
+        assert!(
+            with_fifth[0].note.ends_with("(number 4), as meant to slide and never sliding: 1.")
+                && !with_fifth[1].note.contains("sliding")
+        );
     }
 }

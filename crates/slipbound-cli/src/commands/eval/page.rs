@@ -7,11 +7,11 @@ use slipbound_lab::eval::{Sweep, Table, TrialRecord, auc, roc};
 use slipbound_lab::rivals::DETECTORS;
 use slipbound_rig::html_page::{Chart, Draw, Figure, HtmlPage, Part, Series};
 
-/// Bins of a histogram.
-const BINS_COUNT: usize = 40;
+/// Places along the axis at which a cumulative share may rise.
+const PLACES_COUNT: usize = 200;
 
-/// Largest lead that the histogram shows, ms.
-const MOST_LEAD_MS: f64 = 1500.0;
+/// The detector in front of the others, with a thicker line.
+const SHOWN: &str = "ours";
 
 /// The page of a sweep. `pictures_most`: how many pictures were asked for.
 pub fn of(
@@ -26,8 +26,8 @@ pub fn of(
     let detectors_count = detectors(records).count().max(1);
     let charts: Vec<Chart> = [
         roc_chart(records),
-        histogram(records, "f_at_alarm", "Load fraction at the alarm", "f at the first alarm", 1.0),
-        histogram(records, "lead_ms", "Lead", "from the alarm to gross slip, ms", MOST_LEAD_MS),
+        cumulative(records, "f_at_alarm", "Load fraction at the alarm", "f at the first alarm, or less", Some(1.0)),
+        lead_chart(records),
         coverage_chart(records),
     ]
     .into_iter()
@@ -42,7 +42,7 @@ pub fn of(
         if !table.note.is_empty() {
             parts.push(Part::Text(table.note.clone()));
         }
-        parts.push(Part::Table(table.columns.clone(), table.shown()));
+        parts.extend(table_parts(table));
     }
     parts.push(Part::Heading("Worst failures of ours".into()));
     match pictures.is_empty() {
@@ -100,21 +100,23 @@ fn roc_chart(records: &[TrialRecord]) -> Option<Chart> {
         of.filter_map(|r| r.number_of(SCORE_BELOW)).collect()
     };
     let all_slip = records.iter().filter(|r| !never_slides(r)).all(|r| r.truth == Some(true));
-    let series: Vec<Series> = detectors(records)
+    let series: Vec<(&str, Series)> = detectors(records)
         .filter_map(|(name, colour)| {
             let positives = scores(name, true);
             let negatives = if all_slip { begun(name) } else { scores(name, false) };
             let area = auc(&positives, &negatives).value?;
             let points = roc(&positives, &negatives);
-            Some(Series { name: format!("{name}, AUC {area:.3}"), points, draw: Draw::Line, colour })
+            Some((name, Series { name: format!("{name}, AUC {area:.3}"), points, draw: Draw::Line, colour }))
         })
         .collect();
+    let series = with_ours_last(series);
     (!series.is_empty()).then(|| Chart {
         title: "ROC of the highest causal score of a trial".into(),
         x_label: if all_slip { "share of the trials at f < 0.2" } else { "share of the trials without slip" }.into(),
         y_label: "share of the trials with slip".into(),
-        x: (0.0, 1.0),
-        y: (0.0, 1.0),
+        // A curve along the frame can be seen.
+        x: (-0.02, 1.0),
+        y: (0.0, 1.03),
         series,
         lines_at: Vec::new(),
     })
@@ -145,47 +147,81 @@ fn coverage_chart(records: &[TrialRecord]) -> Option<Chart> {
     })
 }
 
-/// Histogram of a number at alarms before gross slip: ours as bars, the others as lines.
-fn histogram(records: &[TrialRecord], key: &str, title: &str, x_label: &str, most: f64) -> Option<Chart> {
-    let width = most / BINS_COUNT as f64;
-    let shares = |name: &str| -> Option<Vec<f64>> {
+/// Ours in front of the others, with a thicker line.
+fn with_ours_last(named: Vec<(&str, Series)>) -> Vec<Series> {
+    let (mut ours, others): (Vec<_>, Vec<_>) = named.into_iter().partition(|(name, _)| *name == SHOWN);
+    ours.iter_mut().for_each(|(_, series)| series.draw = Draw::Thick);
+    others.into_iter().chain(ours).map(|(_, series)| series).collect()
+}
+
+/// The lead of the alarms on ramps of 1 s, as in the table; where no record tells how long its ramp took, of all.
+fn lead_chart(records: &[TrialRecord]) -> Option<Chart> {
+    let tells = records.iter().any(|r| r.number_of("ramp_s").is_some());
+    let is_shown = |r: &&TrialRecord| !tells || r.number_of("ramp_s") == Some(1.0);
+    let shown: Vec<TrialRecord> = records.iter().filter(is_shown).cloned().collect();
+    let title = if tells { "Lead on ramps of 1 s" } else { "Lead" };
+    cumulative(&shown, "lead_ms", title, "from the alarm to gross slip, ms, or less", None)
+}
+
+/// Share of the alarms before gross slip at which a number is at most that of the axis, which goes from 0 to `most`, or
+/// to the largest number.
+fn cumulative(records: &[TrialRecord], key: &str, title: &str, x_label: &str, most: Option<f64>) -> Option<Chart> {
+    let values = |name: &str| -> Vec<f64> {
         let alarmed = |r: &&TrialRecord| {
             r.detector == name
                 && r.truth == Some(true)
                 && !never_slides(r)
                 && Outcome::of(r).is_some_and(Outcome::is_before_gross)
         };
-        let values: Vec<f64> = records.iter().filter(alarmed).filter_map(|r| r.number_of(key)).collect();
-        let mut bins = vec![0.0; BINS_COUNT];
-        for value in &values {
-            bins[((value / width).max(0.0) as usize).min(BINS_COUNT - 1)] += 1.0 / values.len() as f64;
-        }
-        (!values.is_empty()).then_some(bins)
+        records.iter().filter(alarmed).filter_map(|r| r.number_of(key)).collect()
     };
-    let mut series = Vec::new();
-    for (name, colour) in detectors(records) {
-        let Some(bins) = shares(name) else { continue };
-        let is_ours = name == "ours";
-        let edge = |n: usize| n as f64 * width + if is_ours { 0.0 } else { 0.5 * width };
-        let points = bins.iter().enumerate().map(|(n, &share)| (edge(n), share)).collect();
-        let draw = if is_ours { Draw::Bars(width) } else { Draw::Line };
-        series.push(Series { name: name.into(), points, draw, colour });
-    }
-    let highest = series.iter().flat_map(|s| &s.points).map(|point| point.1).fold(0.0, f64::max);
-    (!series.is_empty()).then(|| Chart {
+    let of: Vec<(&str, usize, Vec<f64>)> =
+        detectors(records).map(|(name, colour)| (name, colour, values(name))).filter(|(.., v)| !v.is_empty()).collect();
+    let most = most.unwrap_or_else(|| of.iter().flat_map(|(.., v)| v).fold(f64::MIN_POSITIVE, |a, b| a.max(*b)));
+    let steps = |values: &[f64]| {
+        let (mut points, mut reached) = (vec![(0.0, 0.0)], 0.0);
+        for n in 0..=PLACES_COUNT {
+            let x = most * n as f64 / PLACES_COUNT as f64;
+            let share = values.iter().filter(|value| **value <= x).count() as f64 / values.len() as f64;
+            if share > reached {
+                points.extend([(x, reached), (x, share)]);
+                reached = share;
+            }
+        }
+        points.push((most, reached));
+        points
+    };
+    let series = of.iter().map(|(name, colour, values)| {
+        (*name, Series { name: (*name).into(), points: steps(values), draw: Draw::Line, colour: *colour })
+    });
+    (!of.is_empty()).then(|| Chart {
         title: title.into(),
         x_label: x_label.into(),
         y_label: "share of the alarms before gross slip".into(),
         x: (0.0, most),
-        y: (0.0, 1.08 * highest),
-        series,
+        y: (0.0, 1.03),
+        series: with_ours_last(series.collect()),
         lines_at: Vec::new(),
     })
+}
+
+/// A table; a sentence instead of its column of coverages where all of them are 100 %.
+pub fn table_parts(table: &Table) -> Vec<Part> {
+    let (mut columns, mut rows) = (table.columns.clone(), table.shown());
+    let is_whole = |row: &Vec<String>, place: usize| row[place].starts_with("100.0 ") || row[place] == "-";
+    let place = columns.iter().position(|column| column == "coverage %");
+    let Some(place) = place.filter(|place| rows.iter().all(|row| is_whole(row, *place))) else {
+        return vec![Part::Table(columns, rows)];
+    };
+    columns.remove(place);
+    rows.iter_mut().for_each(|row| drop(row.remove(place)));
+    vec![Part::Table(columns, rows), Part::Text("Coverage: 100 % in every row.".into())]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slipbound_lab::eval::Cell;
 
     /// The part of the page about failures, as text.
     fn failures_of(records: &[TrialRecord], pictures_most: usize) -> String {
@@ -243,10 +279,9 @@ mod tests {
         let records = [record(0, true, 2.0).with("outcome", "in_time").with("f_at_alarm", 0.5), record(1, false, 1.0)];
         let chart = roc_chart(&records).expect("both kinds");
         assert_eq!(chart.series.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["paper, AUC 1.000"]);
-        let bars = histogram(&records, "f_at_alarm", "", "", 1.0).expect("an alarm in time");
-        let highest = bars.series[0].points.iter().max_by(|a, b| a.1.total_cmp(&b.1)).expect("points");
-        assert_eq!(*highest, (0.5125, 1.0));
-        assert!(histogram(&records, "lead_ms", "", "", 1.0).is_none());
+        let share = cumulative(&records, "f_at_alarm", "", "", Some(1.0)).expect("an alarm in time");
+        assert_eq!(share.series[0].points, [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0), (1.0, 1.0)]);
+        assert!(lead_chart(&records).is_none());
     }
 
     #[test]
@@ -270,14 +305,56 @@ mod tests {
         };
         let slides = record(0, true);
         let now = TrialRecord { truth: None, ..record(1, false) }.with("outcome", None::<&str>);
-        let bars = |records: &[TrialRecord]| histogram(records, "f_at_alarm", "", "", 1.0).expect("an alarm").series;
+        let steps =
+            |records: &[TrialRecord]| cumulative(records, "f_at_alarm", "", "", Some(1.0)).expect("an alarm").series;
         let curve = |records: &[TrialRecord]| roc_chart(records).expect("a curve").series;
         let alone = [slides.clone()];
         // In the present format, and in the older one.
         for never in [now, record(1, false)] {
             let both = [slides.clone(), never];
-            assert_eq!(bars(&both)[0].points, bars(&alone)[0].points);
+            assert_eq!(steps(&both)[0].points, steps(&alone)[0].points);
             assert_eq!(curve(&both)[0].name, curve(&alone)[0].name);
         }
+    }
+    /// Leads of the ramps that the table takes, none beyond the axis, and ours in front of the others.
+    #[test]
+    fn the_lead_is_that_of_ramps_of_one_second() {
+        let record = |detector: &str, ramp_s: f64, lead_ms: f64| {
+            TrialRecord {
+                number: 0,
+                trial: "t".into(),
+                object: "scissors".into(),
+                detector: detector.into(),
+                truth: Some(true),
+                verdict: true,
+                score: 1.0,
+                first_alarm_frame: None,
+                more: Default::default(),
+            }
+            .with("outcome", "in_time")
+            .with("ramp_s", ramp_s)
+            .with("lead_ms", lead_ms)
+        };
+        let records = [record("ours", 1.0, 400.0), record("ours", 2.0, 1900.0), record("paper", 1.0, 300.0)];
+        let chart = lead_chart(&records).expect("leads");
+        assert_eq!(chart.x, (0.0, 400.0));
+        let drawn: Vec<(&str, Draw)> = chart.series.iter().map(|s| (s.name.as_str(), s.draw)).collect();
+        assert_eq!(drawn, [("paper", Draw::Line), ("ours", Draw::Thick)]);
+        assert_eq!(chart.series[1].points, [(0.0, 0.0), (400.0, 0.0), (400.0, 1.0), (400.0, 1.0)]);
+    }
+
+    #[test]
+    fn coverage_is_left_out_where_it_is_whole_everywhere() {
+        let share = |count| Cell::Share(slipbound_lab::eval::share(count, 10));
+        let columns = |last: u64| {
+            let mut table = Table::new("", "", &["detector", "coverage %", "AUC"]);
+            table.rows.push(vec!["ours".into(), share(10), Cell::Count(1)]);
+            table.rows.push(vec!["paper".into(), share(last), Cell::Count(1)]);
+            let parts = table_parts(&table);
+            let Part::Table(columns, rows) = &parts[0] else { panic!("a table") };
+            assert!(rows.iter().all(|row| row.len() == columns.len()));
+            (columns.len(), parts.len())
+        };
+        assert_eq!((columns(10), columns(9)), ((2, 2), (3, 1)));
     }
 }
