@@ -10,6 +10,7 @@
 mod steps;
 mod tasks;
 
+use super::eval::page::table_parts;
 use super::inputs;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
@@ -102,7 +103,7 @@ impl Paper {
         let mut parts = Vec::new();
         for table in tables.iter().take(3) {
             parts.push(Part::Text(format!("{}. {}", table.title, table.note)));
-            parts.push(Part::Table(table.columns.clone(), table.shown()));
+            parts.extend(table_parts(table));
         }
         Ok(parts)
     }

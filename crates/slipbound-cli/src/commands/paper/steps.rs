@@ -1,8 +1,9 @@
 //! The method step by step on a simulated frame, and the two objects that fail.
 
 use crate::outcome::Failure;
+use anyhow::anyhow;
 use slipbound::image::{Mask, SizePx};
-use slipbound::monitor::{SlipMonitor, SlipReport};
+use slipbound::monitor::{SlipMonitor, SlipReport, SlipState};
 use slipbound::pixels::canny::Canny;
 use slipbound::pixels::flatten::Flatten;
 use slipbound::pixels::gaussian::Gaussian;
@@ -13,11 +14,15 @@ use slipbound_lab::rivals::{Entry, named};
 use slipbound_lab::scenes::Trial;
 use slipbound_rig::html_page::{Figure, Part};
 use slipbound_rig::overlay::Overlay;
+use std::collections::BTreeMap;
 
 /// The detector whose steps are shown: the paper exactly as written.
 const SHOWN: &str = "paper_as_written";
 
-/// The load fraction at which a frame is shown.
+/// The detector by which the same frame is shown beside it.
+const OURS: &str = "ours";
+
+/// The load fraction at which, or above which, a frame is shown.
 const SHOWN_FRACTION: f64 = 0.85;
 
 /// The paper's background: kernel and sigma of 31 px of 427, offset, gain and bias, in the released code.
@@ -31,26 +36,49 @@ const FAILING: [(&str, &str); 2] = [
     ("Scrub sponge", "ramp?object=scrub_sponge&force_n=15&direction_deg=0&seed=3"),
 ];
 
-/// Passes the frame of a trial at [`SHOWN_FRACTION`] to a closure.
-fn at_frame(
-    text: &str,
-    look: &mut dyn FnMut(&FrameBuffer, &SlipReport, &SlipMonitor) -> Result<(), Failure>,
-) -> Result<(), Failure> {
-    let entry: &'static Entry = named(SHOWN).map_err(Failure::arguments)?;
-    let what = Watch::new(Trial::parse(text).map_err(Failure::arguments)?, Restarts::All);
-    let failed = |error| Failure::work(text, error);
-    let watched = watch(&what, &[entry], None).map_err(failed)?;
-    let place = fractions(&watched).iter().position(|f| *f >= SHOWN_FRACTION);
-    let frame = place.map_or(0, |n| watched.truth[n].frame);
-    let mut shown = Ok(());
-    let mut onlooker = |buffer: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor| {
-        if buffer.seq == frame && shown.is_ok() {
-            shown = look(buffer, report, monitor);
-        }
-    };
-    let onlooker: &mut Onlooker<'_> = &mut onlooker;
-    watch(&what, &[entry], Some((entry.name, onlooker))).map_err(|error| Failure::work(text, error))?;
-    shown
+/// A frame of a trial.
+struct Chosen {
+    what: Watch,
+    frame: u64,
+    /// Load over the load that makes the object slide.
+    f: f64,
+}
+
+impl Chosen {
+    /// The first frame of a trial at [`SHOWN_FRACTION`] or above that is in this state by the paper's rule; any, for None.
+    fn of(text: &str, state: Option<SlipState>) -> Result<Self, Failure> {
+        let entry: &'static Entry = named(SHOWN).map_err(Failure::arguments)?;
+        let what = Watch::new(Trial::parse(text).map_err(Failure::arguments)?, Restarts::All);
+        let mut states = BTreeMap::new();
+        let mut onlooker = |buffer: &FrameBuffer, report: &SlipReport, _: &SlipMonitor| {
+            states.insert(buffer.seq, report.state);
+        };
+        let onlooker: &mut Onlooker<'_> = &mut onlooker;
+        let watched = watch(&what, &[entry], Some((entry.name, onlooker))).map_err(|e| Failure::work(text, e))?;
+        let frames = watched.truth.iter().map(|truth| truth.frame).zip(fractions(&watched));
+        let mut loaded = frames.filter(|(_, f)| *f >= SHOWN_FRACTION);
+        let found = loaded.find(|(frame, _)| state.is_none() || states.get(frame).copied() == state);
+        let (frame, f) = found.ok_or_else(|| anyhow!("{text}: no frame of f {SHOWN_FRACTION} or more is {state:?}"))?;
+        Ok(Chosen { what, frame, f })
+    }
+
+    /// Passes the frame as this detector sees it to a closure.
+    fn look(
+        &self,
+        detector: &str,
+        look: &mut dyn FnMut(&FrameBuffer, &SlipReport, &SlipMonitor) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        let entry: &'static Entry = named(detector).map_err(Failure::arguments)?;
+        let mut shown = Ok(());
+        let mut onlooker = |buffer: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor| {
+            if buffer.seq == self.frame && shown.is_ok() {
+                shown = look(buffer, report, monitor);
+            }
+        };
+        let onlooker: &mut Onlooker<'_> = &mut onlooker;
+        watch(&self.what, &[entry], Some((entry.name, onlooker))).map_err(|e| Failure::work(&self.what.trial, e))?;
+        shown
+    }
 }
 
 /// An image with a title.
@@ -58,18 +86,22 @@ fn figure(title: &str, caption: &str, rgb: &[u8], size: SizePx) -> Result<Figure
     Figure::new(title, caption, rgb, size).map_err(|error| Failure::Work(error.into()))
 }
 
+/// What the colours of an overlay mean.
+const COLOURS: &str = "Left: contact green, inner region white, measured yellow, rigid light blue. Right: slip field black, purple \
+                       where it is over the threshold.";
+
 /// Both panels of the overlay: displacement and rigid motion, slip field.
 fn overlay(title: &str, buffer: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) -> Result<Figure, Failure> {
-    let mut overlay = Overlay::new(monitor.sensor());
+    let mut overlay = Overlay::new(monitor.sensor()).for_stills();
     overlay.draw(buffer.frame().ok().as_ref(), report, monitor);
-    let caption = "Left: contact green, inner region white, measured yellow, rigid red. Right: slip field black, purple where it is over the threshold.";
-    figure(title, caption, &overlay.rgb(), overlay.size())
+    figure(title, COLOURS, &overlay.rgb(), overlay.size())
 }
 
 /// The steps, in the paper's order.
 pub fn method() -> Result<Vec<Part>, Failure> {
-    let mut figures = Vec::new();
-    at_frame(METHOD, &mut |buffer, report, monitor| {
+    let (mut figures, mut said) = (Vec::new(), String::new());
+    let chosen = Chosen::of(METHOD, Some(SlipState::Incipient))?;
+    chosen.look(SHOWN, &mut |buffer, report, monitor| {
         figures.push(figure("Camera", "the picture as it is delivered", &buffer.pixels, buffer.size)?);
         let grey = monitor.imprint();
         let size = grey.size();
@@ -89,10 +121,22 @@ pub fn method() -> Result<Vec<Part>, Failure> {
         let regions = tinted(&levels, size, &[(contact, [60, 200, 90]), (&inner, [255, 255, 255])]);
         figures.push(figure("Inner region", "the contact eroded: what moves as a rigid body", &regions, size)?);
         figures.push(overlay("Displacement and slip field", buffer, report, monitor)?);
+        let slip = &report.slip;
+        said = format!(
+            "Reference: frame {}, anew after each slip. Verdict: incipient slip, {} markers over {:.2} pitch, {} are needed.",
+            report.reference_seq, slip.markers_over, slip.threshold_pitch, slip.markers_needed
+        );
+        Ok(())
+    })?;
+    chosen.look(OURS, &mut |buffer, report, monitor| {
+        figures.push(overlay("The same frame by the settings of slipbound", buffer, report, monitor)?);
         Ok(())
     })?;
     let text = format!(
-        "The paper's settings on a simulated frame at {SHOWN_FRACTION} of the load that makes the object slide: {METHOD}."
+        "The paper's settings on a simulated frame: {METHOD}, frame {}, the first at {SHOWN_FRACTION} or more of the load that \
+         makes the object slide in which the paper's rule reports slip; f {:.2}. {said} With these settings edges of light and \
+         scratches pass for contact, too; the last picture is the same frame by ours.",
+        chosen.frame, chosen.f
     );
     Ok(vec![Part::Text(text), Part::Figures(figures)])
 }
@@ -101,11 +145,13 @@ pub fn method() -> Result<Vec<Part>, Failure> {
 pub fn failing() -> Result<Vec<Part>, Failure> {
     let mut figures = Vec::new();
     for (name, trial) in FAILING {
-        at_frame(trial, &mut |buffer, report, monitor| {
+        let chosen = Chosen::of(trial, None)?;
+        chosen.look(SHOWN, &mut |buffer, report, monitor| {
             let slip_px = report.slip.max_pitch * monitor.sensor().pitch_px;
             let threshold_px = report.slip.threshold_pitch * monitor.sensor().pitch_px;
             let title = format!(
-                "{name} at 15 N, f {SHOWN_FRACTION}: longest slip {slip_px:.1} px, threshold {threshold_px:.1} px"
+                "{name} at 15 N, f {:.2}: longest slip {slip_px:.1} px, threshold {threshold_px:.1} px",
+                chosen.f
             );
             figures.push(overlay(&title, buffer, report, monitor)?);
             Ok(())
@@ -169,5 +215,24 @@ fn dot(rgb: &mut [u8], size: SizePx, (x, y): (f64, f64), radius_px: f64) {
         if inside && (dx * dx + dy * dy) as f64 <= radius_px * radius_px {
             rgb[3 * (y as usize * size.width + x as usize)..][..3].copy_from_slice(&[255, 222, 0]);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_frame_of_the_steps_shows_as_many_slipping_markers_as_the_rule_needs() {
+        let mut seen = None;
+        let chosen = Chosen::of(METHOD, Some(SlipState::Incipient)).unwrap_or_else(|_| panic!("a frame with slip"));
+        let mut look = |_: &FrameBuffer, report: &SlipReport, _: &SlipMonitor| {
+            seen = Some((report.state, report.slip));
+            Ok(())
+        };
+        chosen.look(SHOWN, &mut look).unwrap_or_else(|_| panic!("the same frame again"));
+        let (state, slip) = seen.expect("the frame");
+        assert!(chosen.f >= SHOWN_FRACTION && state == SlipState::Incipient, "f {}, {state:?}", chosen.f);
+        assert!(slip.markers_over >= slip.markers_needed, "{slip:?}");
     }
 }

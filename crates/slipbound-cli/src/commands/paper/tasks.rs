@@ -9,9 +9,6 @@ use slipbound_lab::lockstep::LockStep;
 use slipbound_rig::html_page::{Chart, Draw, Part, Series};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Largest force of the paper's gripper per finger, and its initial force, N.
-const MOST_N: f64 = 60.0;
-
 /// A task, its controller, what the second line shows, and the paper's result.
 struct Shown {
     scene: &'static str,
@@ -106,7 +103,7 @@ pub fn all(seed: u64, stop: &AtomicBool) -> Result<Vec<Part>, Failure> {
             format!("{}: grip force", shown.title),
             "force per finger, N",
             &curves.force_n,
-            MOST_N,
+            1.0,
             &curves,
             1,
         )));
