@@ -364,6 +364,7 @@ mod tests {
         let never = never.with("outcome", None::<&str>).with("reaches_gross", false);
         let with_fifth = Table1::new(0, Some(5)).tables(&[&records[..], &[never]].concat());
         assert_eq!((&with_fifth[0].rows, &with_fifth[3].rows), (&tables[0].rows, &tables[3].rows));
+        assert_eq!(with_fifth[0].title, "4 of 240", "the fifth is not judged");
         assert!(
             with_fifth[0].note.ends_with("(number 4), as meant to slide and never sliding: 1.")
                 && !with_fifth[1].note.contains("sliding")

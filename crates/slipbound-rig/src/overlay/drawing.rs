@@ -169,7 +169,7 @@ impl Overlay {
         let Some(rigid) = rigid else { return };
         for m in markers.iter().filter(|m| m.in_contact && m.in_reference) {
             let moved = rigid.displacement(m.reference);
-            self.arrow(m.reference, moved * times, width, RIGID, 1.0);
+            self.arrow(m.reference, moved * times, 1.4 * width, RIGID, 1.0);
         }
         let reference = self.at(rigid.reference);
         self.panel.dot(reference, 3.2 * width, PAPER);
@@ -209,7 +209,7 @@ impl Overlay {
         // Blue is drawn on yellow: a wide halo would hide that both point the same way.
         let halo = match colour {
             SLIP => (1.8, PAPER.with_alpha(0.85)),
-            RIGID => (1.2, SLIP.with_alpha(0.7)),
+            RIGID => (1.0, SLIP.with_alpha(0.6)),
             _ => (1.8, SLIP.with_alpha(0.45 * alpha)),
         };
         self.panel.arrow(from, from + by, width, colour.with_alpha(alpha), halo);
