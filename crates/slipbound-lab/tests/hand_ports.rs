@@ -171,7 +171,7 @@ fn commands_that_cannot_be_are_refused_and_change_nothing() {
         assert!(error.contains("expected a finite force of 0 N or above, got"), "{error}");
     }
     let spin = WristCommand::new(WristMotion::Turn { rate_rad_per_s: f64::NAN, most_rad: 1.0 });
-    assert!(wrist.command(spin).expect_err("refused").to_string().contains("got Turn"));
+    assert!(wrist.command(spin).expect_err("refused").to_string().contains("got turn at NaN rad/s"));
     for _ in 0..10 {
         hand.advance_frame();
     }
