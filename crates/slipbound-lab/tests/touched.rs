@@ -6,9 +6,17 @@ use slipbound::port::{FrameBuffer, FrameSource, Next};
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
 
-/// Of each frame from `from` on whether an object touches in truth, and the state. The first `rest_count` of them give
-/// the rest frame, of this kind. The light grows by `light_per_frame` of what it is at first.
-fn states(scene: &str, light_per_frame: f64, from: u64, rest_count: u64, kind: RestKind) -> Vec<(bool, SlipState)> {
+/// Of each frame whether an object touches in truth, and the state.
+type Seen = Vec<(bool, SlipState)>;
+
+/// From frame `from` on. The first `rest_count` frames give the rest frame, of this kind. The light grows by
+/// `light_per_frame` of what it is at first.
+fn states(scene: &str, light_per_frame: f64, from: u64, rest_count: u64, kind: RestKind) -> Seen {
+    watch(scene, light_per_frame, from, rest_count, kind).0
+}
+
+/// The same, with the monitor after the last frame.
+fn watch(scene: &str, light_per_frame: f64, from: u64, rest_count: u64, kind: RestKind) -> (Seen, SlipMonitor) {
     let trial = Trial::parse(&format!("{scene}&grid=fast")).expect("a trial");
     let mut world = World::new(&trial).expect("a sound trial");
     let (sensor, mut buffer) = (world.sensor(), FrameBuffer::default());
@@ -31,17 +39,36 @@ fn states(scene: &str, light_per_frame: f64, from: u64, rest_count: u64, kind: R
         });
         states.push((world.truth().grip_force_n > 0.0, monitor.step(&frame, None).state));
     }
-    states
+    (states, monitor.expect("more frames than those at rest"))
+}
+
+/// The largest region, px2, and the last state, when the scene is shown to a monitor from its first frame on.
+fn show_again(monitor: &mut SlipMonitor, scene: &str) -> (f64, SlipState) {
+    let trial = Trial::parse(&format!("{scene}&grid=fast")).expect("a trial");
+    let (mut world, mut buffer) = (World::new(&trial).expect("a sound trial"), FrameBuffer::default());
+    let mut seen = (0.0f64, SlipState::Unjudged);
+    while world.next(&mut buffer).expect("a frame") == Next::Frame {
+        let frame = Frame { time_ns: None, ..buffer.frame().expect("whole") };
+        let report = monitor.step(&frame, None);
+        seen = (seen.0.max(report.contact.area_px2), report.state);
+    }
+    seen
 }
 
 #[test]
 fn a_weave_that_was_pressed_in_the_first_frame_is_free_once_it_is_let_go() {
     for object in ["toy_duck", "screwdriver"] {
-        let seen = states(&format!("press_release?object={object}&hold_s=0.6&seed=3"), 0.0, 28, 3, RestKind::InContact);
+        let scene = format!("press_release?object={object}&hold_s=0.6&seed=3");
+        let (seen, mut monitor) = watch(&scene, 0.0, 28, 3, RestKind::InContact);
         let held = seen.iter().take_while(|(touches, _)| *touches).count();
         assert!(held > 15 && seen.len() > held + 5, "{object}: {held} of {} frames held", seen.len());
         assert!(seen[..held - 3].iter().all(|(_, state)| *state == SlipState::Stick), "{object}: {seen:?}");
         assert!(seen[held + 3..].iter().all(|(_, state)| *state == SlipState::NoContact), "{object}: {seen:?}");
+        // Gripped again, it is seen as by a finger that was free at first.
+        let (_, mut free) = watch(&scene, 0.0, 0, 10, RestKind::Unloaded);
+        let [again, expected] = [&mut monitor, &mut free].map(|monitor| show_again(monitor, &scene));
+        assert!((again.0 / expected.0 - 1.0).abs() < 0.1, "{object}: {again:?}, expected {expected:?}");
+        assert_eq!((again.1, expected.1), (SlipState::NoContact, SlipState::NoContact), "{object}");
     }
 }
 

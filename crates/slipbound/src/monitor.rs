@@ -204,7 +204,8 @@ impl SlipMonitor {
             // After slip, this frame becomes the reference of the next one.
             SlipState::Incipient if by_markers => self.rebase_from = Some(frame.seq),
             SlipState::NoContact => {
-                if self.contact.untouched == contact::Untouched::Now {
+                // Not while an object begins to press, or the gel springs back.
+                if self.contact.is_free_for_the_first_time() && self.markers.stand_still() {
                     self.markers.all.iter_mut().filter(|m| m.matched).for_each(|m| m.rest = m.now);
                 }
                 self.return_to_rest();

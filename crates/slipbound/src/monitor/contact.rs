@@ -28,8 +28,9 @@ use shading::ShadingContact;
 use texture::TextureContact;
 pub(super) use texture::{IMPRINT_RATIO, texture_share};
 
-/// A contact since the rest frame, whose imprint is seen against a guess of the bare gel, ends with this many frames in
-/// a row below the area, because near it single frames are, or with one below this share of it.
+/// A contact since the rest frame is seen against a guess of the bare gel, so that a faint one falls below
+/// `off_area_fraction` in single frames: it ends with this many such frames in a row, or with one below this share of
+/// that area.
 const START_MISSED_FRAMES_COUNT: u32 = 3;
 const START_GONE_SHARE: f64 = 0.25;
 
@@ -185,6 +186,11 @@ impl Contact {
             self.strength = 0.0;
         }
         self.middle_px = if self.by_displacement { None } else { self.region.middle_px() };
+    }
+
+    /// Whether the finger shows for the first time how it is untouched, and nothing begins to touch it.
+    pub(super) fn is_free_for_the_first_time(&self) -> bool {
+        self.untouched == Untouched::Now && self.frames_above_count == 0
     }
 
     /// Whether less of a smooth gel than a contact needs has changed since the first frame. Half the change that counts

@@ -38,6 +38,10 @@ use templates::{MarkerTemplates, TemplateMatch};
 
 /// After this many untrusted frames in a row, markers are also searched for at their last trusted and rest positions.
 const UNTRUSTED_FRAMES_COUNT: u32 = 5;
+/// A marker that moves farther than this in a frame, pitches, does not stand still: as far as its displacement shows a
+/// contact (`contact.displaced_pitch`). And the number of markers that may do so by mistake.
+const STILL_PITCH: f64 = 0.03;
+const MISMATCHED_COUNT: usize = 2;
 /// The same at once when the misfit exceeds this share of the squared reach (1: no spot near any position).
 const LOST_MISFIT: f64 = 0.6;
 
@@ -221,6 +225,12 @@ impl Markers {
     /// Whether every marker in view was found whole.
     pub(super) fn complete(&self) -> bool {
         self.all.iter().all(|m| m.whole || !self.matching.in_view(m.now))
+    }
+
+    /// Whether the gel stands still: at most a few markers, perhaps mismatched ones, moved in the last frame.
+    pub(super) fn stand_still(&self) -> bool {
+        let moved = self.tracks.iter().filter(|track| track.step.length() > STILL_PITCH * self.pitch_px);
+        moved.count() <= MISMATCHED_COUNT
     }
 
     /// Stores the position where each marker was found or is expected.
