@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use serde_json::Value;
 use slipbound::monitor::{
     ContactReport, Estimate as CoreEstimate, EvidenceReport, MarkerCounts, MotionReport, ShearReport, SlipKind,
-    SlipReport, SlipState, SlipSummary,
+    SlipReport, SlipSummary,
 };
 use slipbound::plane::Vec2;
 use slipbound_rig::report_json::frame_line;
@@ -209,7 +209,7 @@ impl Report {
     /// Whether the contact slips, in part or as a whole.
     #[getter]
     fn slips(&self) -> bool {
-        matches!(self.report.state, SlipState::Incipient | SlipState::Gross)
+        self.report.state.is_slip()
     }
 
     /// Why there is no verdict; None when there is one.

@@ -41,7 +41,7 @@ fn watch(trial: &str, knows_grip: bool, of: impl Fn(Sensor) -> Sensor) -> Vec<(S
 }
 
 fn alarm(seen: &[(SlipReport, FrameTruth)]) -> Option<&(SlipReport, FrameTruth)> {
-    seen.iter().find(|(report, _)| matches!(report.state, SlipState::Incipient | SlipState::Gross))
+    seen.iter().find(|(report, _)| report.state.is_slip())
 }
 
 const RAMP: &str = "ramp?object=tape_roll&force_n=20&mu=0.5&direction_deg=40&ramp_s=0.8&seed=5";

@@ -4,7 +4,7 @@
 //! within 0.05 px.
 
 use slipbound::image::Frame;
-use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipState};
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
 use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next};
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
@@ -57,7 +57,7 @@ fn compare(scene: &str) -> Compared {
         compared.frames += 1;
         compared.equal_states += u32::from(reports[0].state == reports[1].state);
         for (onset, report) in compared.onset_frames.iter_mut().zip(&reports) {
-            let slips = matches!(report.state, SlipState::Incipient | SlipState::Gross);
+            let slips = report.state.is_slip();
             *onset = onset.or(slips.then_some(compared.frames));
         }
         for (a, b) in monitors[0].markers().iter().zip(monitors[1].markers()).filter(|(a, b)| a.whole && b.whole) {

@@ -44,7 +44,7 @@ impl Sign {
     }
 
     fn of_state(state: SlipState) -> Self {
-        let slips = matches!(state, SlipState::Incipient | SlipState::Gross);
+        let slips = state.is_slip();
         Sign { seq: 0, time_ns: None, slips, contact_lost: state == SlipState::NoContact }
     }
 }

@@ -379,7 +379,7 @@ fn fused_vector(vectors: impl Iterator<Item = Option<(Mounting, Vec2)>>, separat
 }
 
 fn fused_slip<'a>(live: impl Iterator<Item = (&'a Finger, SlipReport)> + Clone, separated: bool) -> Option<HandSlip> {
-    let slipping = live.filter(|(_, r)| matches!(r.state, SlipState::Incipient | SlipState::Gross));
+    let slipping = live.filter(|(_, r)| r.state.is_slip());
     let fingers_count = slipping.clone().count() as u32;
     if fingers_count == 0 {
         return None;

@@ -2,7 +2,6 @@
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits};
 use crate::hand::HandReport;
-use crate::monitor::SlipState;
 use crate::port::GripperState;
 
 /// Always commands the starting force.
@@ -22,7 +21,7 @@ impl Constant {
 
 impl GripController for Constant {
     fn decide(&mut self, _now_ns: u64, hand: &HandReport, _gripper: &GripperState) -> GripDecision {
-        let slips = matches!(hand.state, SlipState::Incipient | SlipState::Gross);
+        let slips = hand.state.is_slip();
         self.alarms_count += u32::from(slips && !self.slipping);
         self.slipping = slips;
         GripDecision { force_n: self.force_n, arm: ArmMotion::Go }

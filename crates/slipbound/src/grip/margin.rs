@@ -265,7 +265,7 @@ impl Margin {
     }
 
     fn count_alarm(&mut self, hand: &HandReport, gripper: &GripperState) {
-        let slips = matches!(hand.state, SlipState::Incipient | SlipState::Gross);
+        let slips = hand.state.is_slip();
         if slips && !self.slipping {
             self.alarms_count += 1;
         }

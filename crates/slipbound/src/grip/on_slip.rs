@@ -10,7 +10,6 @@
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived};
 use crate::hand::HandReport;
-use crate::monitor::SlipState;
 use crate::port::GripperState;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
@@ -112,7 +111,7 @@ impl OnSlip {
 impl GripController for OnSlip {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
         let held_off = self.last_alarm_ns.is_some_and(|last| now_ns.saturating_sub(last) < self.settings.hold_off_ns);
-        if matches!(hand.state, SlipState::Incipient | SlipState::Gross) && !held_off {
+        if hand.state.is_slip() && !held_off {
             self.alarm(now_ns, gripper);
         }
         if let Phase::Stepping { since_ns, arrived_ns } = self.phase {

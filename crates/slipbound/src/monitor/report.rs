@@ -25,6 +25,13 @@ pub enum SlipState {
     Unjudged,
 }
 
+impl SlipState {
+    /// Whether the contact slips, in part or as a whole: `Incipient` or `Gross`.
+    pub const fn is_slip(self) -> bool {
+        matches!(self, SlipState::Incipient | SlipState::Gross)
+    }
+}
+
 /// Why a frame is [`SlipState::Unjudged`] or [`SlipState::Unsure`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reason {

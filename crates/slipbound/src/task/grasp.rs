@@ -88,7 +88,7 @@ impl Grasp {
     /// The starting force, or the controller's response to slip; it never falls during the grasp.
     fn force_n(&self, observation: &Observation<'_>, hand: &HandReport, grip: &mut Guard, is_felt: bool) -> f64 {
         let (now_ns, gripper) = (observation.now_ns, observation.gripper);
-        let slips = is_felt && matches!(hand.state, SlipState::Incipient | SlipState::Gross);
+        let slips = is_felt && hand.state.is_slip();
         let decided = match slips {
             true => grip.decide_no_less(now_ns, hand, gripper),
             false => grip.keep(now_ns, hand, gripper),

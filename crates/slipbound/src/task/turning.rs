@@ -149,7 +149,7 @@ impl Turning {
         // A gripper that was commanded the largest force but does not exert it proves nothing.
         let at_most = self.last.force_n >= self.grip.limits().most_n && arrived(self.last.force_n, observation.gripper);
         let slip_at_most = at_most && self.grip.wants_more();
-        if slip_at_most && matches!(seen.state, SlipState::Incipient | SlipState::Gross) {
+        if slip_at_most && seen.state.is_slip() {
             let goes_on = |(_, last_rad): &(f64, f64)| turned_rad - last_rad <= self.longest_window_rad;
             let (first_rad, _) = self.slips_rad.filter(goes_on).unwrap_or((turned_rad, turned_rad));
             self.slips_rad = Some((first_rad, turned_rad));

@@ -140,7 +140,7 @@ impl Finger {
         };
         let shear_mm = felt_n / (STIFFNESS_MPA_PER_MM * area_mm2.max(1.0))
             + Vec2::new(self.noise.next(), self.noise.next()) * self.noise_mm;
-        let slips = matches!(state, SlipState::Incipient | SlipState::Gross);
+        let slips = state.is_slip();
         let pivots = load.pivot_rad.abs() > 0.015;
         let estimate = |value| Some(Estimate { value, sd: 0.05, age_frames: 0 });
         let estimates = Estimates {
