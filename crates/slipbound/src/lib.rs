@@ -97,4 +97,5 @@ pub mod plant;
 pub mod port;
 pub mod sensor;
 pub mod setting;
+mod smoothing;
 pub mod task;

@@ -30,6 +30,7 @@ use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::GripperState;
 use crate::setting::{SettingError, within};
+use crate::smoothing;
 use serde::{Deserialize, Serialize};
 
 /// A contact whose last known margin was smaller than this is loaded.
@@ -244,7 +245,7 @@ impl Margin {
     fn least_n(&mut self, used: f64, pressed_n: f64, seconds: f64, misses: bool) -> f64 {
         let told_n = used * pressed_n;
         let average_s = self.settings.average_ns as f64 * 1e-9;
-        let share = if average_s > 0.0 { 1.0 - libm::exp(-seconds / average_s) } else { 1.0 };
+        let share = if average_s > 0.0 { smoothing::weight(seconds, average_s) } else { 1.0 };
         let before_n = self.least_n.unwrap_or(told_n);
         let now_n = if misses { told_n.max(before_n) } else { told_n };
         let average_n = before_n + share * (now_n - before_n);
@@ -297,7 +298,7 @@ impl GripController for Margin {
         self.margin = Some((1.0 - used).clamp(0.0, 1.0));
         let wanted_n = least_n / target;
         let grows = least_n > (1.0 + GROWN_FRACTION) * self.before_n + GROWN_N;
-        self.before_n += (1.0 - libm::exp(-seconds / STANDS_S)) * (least_n - self.before_n);
+        self.before_n += smoothing::weight(seconds, STANDS_S) * (least_n - self.before_n);
         let release_n = self.settings.let_go_n(self.force_n, wanted_n, seconds);
         self.stopped = self.stopped.filter(|stopped| least_n > EASED_FRACTION * stopped.least_n);
         // The margin before a slide was wrong: the force that stopped the slide is kept while the load persists.

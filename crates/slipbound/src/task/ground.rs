@@ -7,6 +7,7 @@
 //! ```
 
 use crate::hand::{FINGERS_MOST, HandReport, Health};
+use crate::smoothing;
 
 /// The push of the ground is measured against its mean over this time, s: on one edge the object still hangs in the
 /// fingers, and rotation and gel creep cause slow changes.
@@ -87,7 +88,7 @@ impl Ground {
         let Some(estimate) = &mut self.estimates[0] else { return 0.0 };
         let (mean_mm, seen_ns) = estimate.mean.unwrap_or((estimate.along_mm, now_ns));
         let seconds = now_ns.saturating_sub(seen_ns) as f64 * 1e-9;
-        let creep_fraction = if stands { 0.0 } else { 1.0 - libm::exp(-seconds / CREEP_S) };
+        let creep_fraction = if stands { 0.0 } else { smoothing::weight(seconds, CREEP_S) };
         let next_mm = mean_mm + creep_fraction * (estimate.along_mm - mean_mm);
         estimate.mean = Some((next_mm, now_ns));
         mean_mm - estimate.along_mm

@@ -7,6 +7,7 @@
 //! grip.
 
 use crate::port::GripSample;
+use crate::smoothing;
 
 /// Time constant of the mean, s, and its largest deviation from the reading, N and as a share of it. Without that limit
 /// the reading of a grip that grows at 60 N/s would be 6 N ahead of the mean, and the load would seem to use a third more
@@ -56,7 +57,7 @@ impl Grip {
             return;
         };
         self.unread_s = 0.0;
-        let share = 1.0 - libm::exp(-seconds_s / MEAN_S);
+        let share = smoothing::weight(seconds_s, MEAN_S);
         let before_n = self.mean_n.unwrap_or(force_n);
         let most_n = BEHIND_N.max(BEHIND_FRACTION * force_n);
         let mean_n = (before_n + share * (force_n - before_n)).clamp(force_n - most_n, force_n + most_n);

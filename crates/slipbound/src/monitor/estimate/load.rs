@@ -4,6 +4,7 @@
 use crate::monitor::report::Marker;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
+use crate::smoothing;
 
 /// Largest apparent load of a squeeze alone, as a share of the grip force: a camera tilted by 40 deg sees 0.03, one
 /// that looks straight 0.01 (simulated; the squeezed volume of a bonded layer grows in proportion to the force).
@@ -59,7 +60,7 @@ impl Middle {
     pub fn see(&mut self, seconds_s: f64, of_markers: Vec2, of_region: Option<Vec2>) -> Vec2 {
         let now = of_region.map_or(of_markers, |of_region| (of_markers + of_region) / 2.0);
         let before = self.px.unwrap_or(now);
-        let share = 1.0 - libm::exp(-seconds_s / MIDDLE_S);
+        let share = smoothing::weight(seconds_s, MIDDLE_S);
         let px = before + (now - before) * share;
         self.px = Some(px);
         px
@@ -123,7 +124,7 @@ impl Load {
 
     /// Computes the sum of a frame, `seconds_s` after the last.
     pub fn sum(&mut self, seconds_s: f64, markers: &[Marker]) {
-        let share = 1.0 - libm::exp(-seconds_s / JOINS_S);
+        let share = smoothing::weight(seconds_s, JOINS_S);
         for (patch, m) in self.patches.iter_mut().zip(markers) {
             let joined_fraction = if m.in_contact { 1.0 } else { 0.0 };
             patch.joined_fraction += share * (joined_fraction - patch.joined_fraction);

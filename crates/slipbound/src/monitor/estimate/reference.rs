@@ -14,6 +14,7 @@
 use super::window::Window;
 use crate::monitor::report::Marker;
 use crate::plane::Vec2;
+use crate::smoothing;
 
 /// Exponent of the grip force in the squeeze of a marker: 0.8 to 0.9 for simulated spheres, cylinders and boxes between
 /// 5 and 60 N (a Hertz contact on a wide layer lies between 2/3 and 1).
@@ -165,7 +166,7 @@ impl Reference {
     /// Moves the squeeze with a contact that rolls or slides over the gel. `middle_px`: middle of the contact, in rest
     /// coordinates of the gel.
     pub fn roll(&mut self, seconds_s: f64, middle_px: Vec2, pitch_px: f64, markers: &[Marker]) {
-        let newest = if self.taken_middle_px.is_some() { 1.0 - libm::exp(-seconds_s / ROLL_S) } else { 1.0 };
+        let newest = if self.taken_middle_px.is_some() { smoothing::weight(seconds_s, ROLL_S) } else { 1.0 };
         self.middle_px += (middle_px - self.middle_px) * newest;
         let by = self.middle_px - *self.taken_middle_px.get_or_insert(self.middle_px);
         if (by - self.rolled_px).length() < ROLLED_PITCH * pitch_px {

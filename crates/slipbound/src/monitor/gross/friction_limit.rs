@@ -7,6 +7,7 @@
 //! every step runs in every frame.
 
 use crate::monitor::report::Estimate;
+use crate::smoothing;
 
 /// Least used fraction and largest stick ratio at the friction limit, both smoothed with this time constant, s. Chosen
 /// together with the probability from which motion alone is reported, among a thousand settings, on 600 ramps of two
@@ -46,7 +47,7 @@ impl FrictionLimit {
     /// Adds the estimates of a frame.
     pub fn see(&mut self, at_s: f64, used: f64, stick: Estimate) {
         let passed_s = self.at_s.replace(at_s).map_or(0.0, |before_s| (at_s - before_s).clamp(0.0, STEP_S));
-        let share = 1.0 - libm::exp(-passed_s / SMOOTH_S);
+        let share = smoothing::weight(passed_s, SMOOTH_S);
         self.used += share * (used - self.used);
         self.stick += share * (stick.value - self.stick);
         if stick.age_frames == 0 {
