@@ -33,11 +33,11 @@ impl GripController for Clairvoyant {
     fn decide(&mut self, now_ns: u64, _: &HandReport, _: &GripperState) -> GripDecision {
         let truth = self.hand.truth();
         let (then_ns, then_n) = self.last.replace((now_ns, truth.required_n)).unwrap_or((now_ns, truth.required_n));
-        let seconds = now_ns.saturating_sub(then_ns) as f64 * 1e-9;
-        let growth_n_per_s = if seconds > 0.0 { (truth.required_n - then_n) / seconds } else { 0.0 };
+        let elapsed_s = now_ns.saturating_sub(then_ns) as f64 * 1e-9;
+        let growth_n_per_s = if elapsed_s > 0.0 { (truth.required_n - then_n) / elapsed_s } else { 0.0 };
         let wanted_n = OVER * (truth.required_n + AHEAD_S * growth_n_per_s.max(0.0));
-        let let_go_n = MarginSettings::default().let_go_n(self.force_n, wanted_n, seconds);
-        self.force_n = wanted_n.max(self.force_n - let_go_n);
+        let release_n = MarginSettings::default().release_n(self.force_n, wanted_n, elapsed_s);
+        self.force_n = wanted_n.max(self.force_n - release_n);
         self.force_n = self.force_n.clamp(self.limits.least_n, self.limits.most_n);
         let behind = truth.required_n > truth.grip_force_n && self.force_n < self.limits.most_n;
         GripDecision { force_n: self.force_n, arm: if behind { ArmMotion::Pause } else { ArmMotion::Go } }

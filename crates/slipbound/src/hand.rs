@@ -185,7 +185,7 @@ struct Finger {
 
 /// Mean shear of the gel when all of a contact slips, over mu P / (k A), with k the shear stiffness and A the area:
 /// 0.61 to 0.89, mostly 0.75, for a simulated cap under 10 to 60 N. It is below 1 because the rim carries less.
-const FULL_SLIP_SHEAR: f64 = 0.75;
+const FULL_SLIP_SHEAR_FRACTION: f64 = 0.75;
 
 impl HandReport {
     /// Tangential load per finger in N, from the shear of gels with this shear stiffness in MPa/mm; None without
@@ -194,7 +194,7 @@ impl HandReport {
         let (shear, area_mm2) = (self.shear_mm?, self.contact_area_mm2?);
         let across = libm::hypot(shear.across, if self.separated { shear.around } else { 0.0 });
         let shear_mm = libm::hypot(shear.along, across);
-        Some(stiffness_mpa_per_mm * area_mm2 * shear_mm / FULL_SLIP_SHEAR)
+        Some(stiffness_mpa_per_mm * area_mm2 * shear_mm / FULL_SLIP_SHEAR_FRACTION)
     }
 }
 

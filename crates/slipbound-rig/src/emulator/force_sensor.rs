@@ -50,10 +50,10 @@ impl ForceSensor {
     /// The force at this time, N per finger, and whether something is touched.
     pub fn see(&mut self, now_ns: u64, force_n: f64, touches: bool) {
         let faults = self.faults;
-        let seconds = now_ns.saturating_sub(self.now_ns) as f64 * 1e-9;
+        let elapsed_s = now_ns.saturating_sub(self.now_ns) as f64 * 1e-9;
         let since_s = now_ns.saturating_sub(*self.from_ns.get_or_insert(now_ns)) as f64 * 1e-9;
         self.now_ns = now_ns;
-        let share = if faults.lag_s > 0.0 { 1.0 - (-seconds / faults.lag_s).exp() } else { 1.0 };
+        let share = if faults.lag_s > 0.0 { 1.0 - (-elapsed_s / faults.lag_s).exp() } else { 1.0 };
         self.lagged_n += share * (force_n - self.lagged_n);
         let idle_n = if touches { 0.0 } else { faults.idle_n };
         let noise_n = if faults.noise_n > 0.0 { faults.noise_n * self.draw() } else { 0.0 };

@@ -52,11 +52,11 @@ impl Guard {
     /// without a live finger or after the object was lost, and a force that was raised while the hand was blind is
     /// lowered slowly.
     pub fn hold(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState, force_n: f64) -> GripDecision {
-        let seconds = step_s(self.last_ns.replace(now_ns), now_ns);
+        let elapsed_s = step_s(self.last_ns.replace(now_ns), now_ns);
         if let Some(kept) = self.kept(now_ns, hand, gripper) {
             return kept;
         }
-        let wanted = self.lower_slowly(GripDecision { force_n, arm: ArmMotion::Go }, seconds, hand);
+        let wanted = self.lower_slowly(GripDecision { force_n, arm: ArmMotion::Go }, elapsed_s, hand);
         self.limited(wanted)
     }
 
@@ -126,11 +126,11 @@ impl Guard {
 
     /// The controller does not know of a force that was raised while the hand was blind or could not be lowered.
     /// Increases of the controller are added to it; it is lowered slowly, and only while nothing slips.
-    fn lower_slowly(&mut self, wanted: GripDecision, seconds: f64, hand: &HandReport) -> GripDecision {
+    fn lower_slowly(&mut self, wanted: GripDecision, elapsed_s: f64, hand: &HandReport) -> GripDecision {
         let Some(before_n) = self.raised_from_n.filter(|_| wanted.force_n.is_finite()) else { return wanted };
         let wanted_n = wanted.force_n.clamp(self.limits.least_n, self.limits.most_n);
         let added_n = (wanted_n - before_n).max(0.0);
-        let released_n = if hand.state == SlipState::Stick { RETURN_N_PER_S * seconds } else { 0.0 };
+        let released_n = if hand.state == SlipState::Stick { RETURN_N_PER_S * elapsed_s } else { 0.0 };
         let force_n = wanted_n.max(self.force_n + added_n - released_n);
         self.raised_from_n = (wanted_n < force_n).then_some(wanted_n);
         GripDecision { force_n, ..wanted }
@@ -151,12 +151,12 @@ impl Guard {
 
 impl GripController for Guard {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
-        let seconds = step_s(self.last_ns.replace(now_ns), now_ns);
+        let elapsed_s = step_s(self.last_ns.replace(now_ns), now_ns);
         if let Some(kept) = self.kept(now_ns, hand, gripper) {
             return kept;
         }
         let wanted = self.inner.decide(now_ns, hand, gripper);
-        let wanted = self.lower_slowly(wanted, seconds, hand);
+        let wanted = self.lower_slowly(wanted, elapsed_s, hand);
         self.limited(wanted)
     }
 

@@ -56,7 +56,7 @@ const DOUBTFUL_CUT: (f64, f64) = (0.05, 0.15);
 /// With a doubtful margin the force is not lowered above this used fraction.
 const DOUBTFUL_LOADED_FRACTION: f64 = 0.15;
 /// The force that stopped a slide is kept until the minimum holding force has fallen to this share of its value then.
-const EASED_FRACTION: f64 = 0.3;
+const LOAD_FALLEN_FRACTION: f64 = 0.3;
 
 /// Friction coefficient at or below which a contact counts as slippery, and from which it does not.
 const FRICTION: (f64, f64) = (0.3, 0.9);
@@ -148,12 +148,12 @@ impl MarginSettings {
     }
 
     /// How much of `force_n` is released in this time when less is wanted, N per finger; independent of the loop rate.
-    pub fn let_go_n(&self, force_n: f64, wanted_n: f64, seconds: f64) -> f64 {
+    pub fn release_n(&self, force_n: f64, wanted_n: f64, elapsed_s: f64) -> f64 {
         if self.release_n_per_s <= 0.0 {
             return 0.0;
         }
         let excess_n = force_n - EXCESS * wanted_n;
-        (self.release_n_per_s * seconds).max(excess_n * (1.0 - libm::exp(-self.release_excess_per_s * seconds)))
+        (self.release_n_per_s * elapsed_s).max(excess_n * (1.0 - libm::exp(-self.release_excess_per_s * elapsed_s)))
     }
 
     /// The same, with the stiffness of the finger if the settings have none. Fails when neither has one.
@@ -242,12 +242,12 @@ impl Margin {
 
     /// Minimum holding force, averaged, because a single frame is noisy. It does not depend on the grip. It does not
     /// fall while a finger is missing (`misses`): the other fingers cannot measure the load on that finger.
-    fn least_n(&mut self, used: f64, pressed_n: f64, seconds: f64, misses: bool) -> f64 {
-        let told_n = used * pressed_n;
+    fn least_n(&mut self, used: f64, pressed_n: f64, elapsed_s: f64, misses: bool) -> f64 {
+        let limit_n = used * pressed_n;
         let average_s = self.settings.average_ns as f64 * 1e-9;
-        let share = if average_s > 0.0 { smoothing::weight(seconds, average_s) } else { 1.0 };
-        let before_n = self.least_n.unwrap_or(told_n);
-        let now_n = if misses { told_n.max(before_n) } else { told_n };
+        let share = if average_s > 0.0 { smoothing::weight(elapsed_s, average_s) } else { 1.0 };
+        let before_n = self.least_n.unwrap_or(limit_n);
+        let now_n = if misses { limit_n.max(before_n) } else { limit_n };
         let average_n = before_n + share * (now_n - before_n);
         self.least_n = Some(average_n);
         if used >= self.settings.urgent_fraction { now_n.max(average_n) } else { average_n }
@@ -255,12 +255,12 @@ impl Margin {
 
     /// No margin is known. A contact that was loaded when last judged may be slipping; without frames or contact
     /// nothing is known.
-    fn without_margin(&mut self, hand: &HandReport, seconds: f64) -> GripDecision {
+    fn without_margin(&mut self, hand: &HandReport, elapsed_s: f64) -> GripDecision {
         let was_loaded = self.margin.is_some_and(|margin| margin < LOADED_MARGIN);
         if hand.state == SlipState::Unsure && was_loaded {
             let from_n = *self.unsure_from_n.get_or_insert(self.force_n);
             let most_n = (from_n * (1.0 + self.settings.unsure_most_fraction)).min(self.limits.most_n);
-            self.force_n = (self.force_n + self.settings.unsure_n_per_s * seconds).min(most_n).max(self.force_n);
+            self.force_n = (self.force_n + self.settings.unsure_n_per_s * elapsed_s).min(most_n).max(self.force_n);
         }
         GripDecision { force_n: self.force_n, arm: ArmMotion::Go }
     }
@@ -280,7 +280,7 @@ impl GripController for Margin {
         if self.last_ns.is_some_and(|last_ns| now_ns.saturating_sub(last_ns) > LONGEST_GAP_NS) {
             (self.least_n, self.before_n) = (None, 0.0);
         }
-        let seconds = step_s(self.last_ns.replace(now_ns), now_ns);
+        let elapsed_s = step_s(self.last_ns.replace(now_ns), now_ns);
         self.count_alarm(hand, gripper);
         let misses = self.misses_finger(hand);
         let pressed_n = gripper.pressed_n().filter(|n| n.is_finite() && *n > 0.0);
@@ -288,25 +288,25 @@ impl GripController for Margin {
         // An object that slides uses all friction, whatever the estimate.
         let used = hand.margin.map(|margin| 1.0 - margin).map(|used| if gross { used.max(1.0) } else { used });
         let (Some(used), Some(pressed_n)) = (used.or(gross.then_some(1.0)), pressed_n) else {
-            return self.without_margin(hand, seconds);
+            return self.without_margin(hand, elapsed_s);
         };
         self.unsure_from_n = None;
         let doubt = doubt(hand.cut_fraction);
         let target = self.settings.target(hand.friction, doubt);
-        let least_n = self.least_n(used, pressed_n, seconds, misses);
+        let least_n = self.least_n(used, pressed_n, elapsed_s, misses);
         let used = least_n / pressed_n;
         self.margin = Some((1.0 - used).clamp(0.0, 1.0));
         let wanted_n = least_n / target;
         let grows = least_n > (1.0 + GROWN_FRACTION) * self.before_n + GROWN_N;
-        self.before_n += smoothing::weight(seconds, STANDS_S) * (least_n - self.before_n);
-        let release_n = self.settings.let_go_n(self.force_n, wanted_n, seconds);
-        self.stopped = self.stopped.filter(|stopped| least_n > EASED_FRACTION * stopped.least_n);
+        self.before_n += smoothing::weight(elapsed_s, STANDS_S) * (least_n - self.before_n);
+        let release_n = self.settings.release_n(self.force_n, wanted_n, elapsed_s);
+        self.stopped = self.stopped.filter(|stopped| least_n > LOAD_FALLEN_FRACTION * stopped.least_n);
         // The margin before a slide was wrong: the force that stopped the slide is kept while the load persists.
         let kept_n = self.stopped.map_or(0.0, |stopped| stopped.force_n.min(self.force_n));
         let keeps = misses || gross || doubt > 0.0 && used > DOUBTFUL_LOADED_FRACTION;
         let slack = self.settings.slack_fraction.min(target);
         if wanted_n > self.force_n {
-            self.force_n = wanted_n.min(self.force_n + self.settings.raise_n_per_s * seconds);
+            self.force_n = wanted_n.min(self.force_n + self.settings.raise_n_per_s * elapsed_s);
         } else if !grows && !keeps && least_n < (target - slack) * self.force_n {
             self.force_n = wanted_n.max(self.force_n - release_n).max(kept_n);
         }

@@ -236,9 +236,9 @@ impl Estimator {
         markers: &[Marker],
     ) {
         (self.estimates, self.features) = (Estimates::default(), None);
-        let seconds_s = self.pass_time(time_ns);
-        self.grip.take(grip, seconds_s, self.reference.is_taken());
-        self.load.sum(seconds_s, markers);
+        let elapsed_s = self.pass_time(time_ns);
+        self.grip.take(grip, elapsed_s, self.reference.is_taken());
+        self.load.sum(elapsed_s, markers);
         self.estimates.cut_fraction = self.load.cut_fraction();
         self.window.push(Sample {
             at_s: self.time_s,
@@ -248,7 +248,7 @@ impl Estimator {
         });
         let stiffness_over_grip =
             self.stiffness_n_per_px3.zip(self.grip.mean_n().filter(|n| *n > 0.0)).map(|(k, grip_n)| k / grip_n);
-        self.take_reference(seconds_s, stiffness_over_grip, markers);
+        self.take_reference(elapsed_s, stiffness_over_grip, markers);
         if !self.reference.is_taken() {
             return;
         }
@@ -256,13 +256,13 @@ impl Estimator {
         if let Some(middle_px) = middle_px {
             let (sum, count) = touched(markers).fold((Vec2::ZERO, 0u32), |(s, n), m| (s + m.now_from_rest(), n + 1));
             let moved = sum / f64::from(count.max(1));
-            self.reference.roll(seconds_s, middle_px - moved, self.pitch_px, markers);
+            self.reference.roll(elapsed_s, middle_px - moved, self.pitch_px, markers);
         }
         self.gather_points(growth, markers);
         if self.points.len() < LEAST_POINTS {
             return;
         }
-        let Some(motion) = self.fit_motion(seconds_s, growth, markers) else { return };
+        let Some(motion) = self.fit_motion(elapsed_s, growth, markers) else { return };
         let middle = motion.reference;
         let force_px3 = self.load.force_px3(self.grip.last_mean_n());
         let hidden_px2 = self.load.hidden_px2();
@@ -286,11 +286,11 @@ impl Estimator {
         if let Some(sample) = self.window.newest_mut() {
             sample.rigid_px = learned.rigid_px;
         }
-        self.heed_regrip(&learned, stiffness_over_grip);
+        self.apply_regrip(&learned, stiffness_over_grip);
         self.features = Some(learned.features);
         self.load_px3 = (force_px3, learned.arm_px.recip() * moment_px4);
         self.turning_px3 = moment_px4 / learned.lever_px;
-        let torque_px4 = self.torque_px4(seconds_s, middle_px, markers, growth);
+        let torque_px4 = self.torque_px4(elapsed_s, middle_px, markers, growth);
         self.estimate(
             &learned,
             &Seen { force_px3, torque_px4, load_px3: learned.load_px3, middle, area_px2: whole_px2 },
@@ -298,7 +298,7 @@ impl Estimator {
     }
 
     /// Takes the reference of displacement under load, if it is not taken yet and the finger is squeezed.
-    fn take_reference(&mut self, seconds_s: f64, stiffness_over_grip: Option<f64>, markers: &[Marker]) {
+    fn take_reference(&mut self, elapsed_s: f64, stiffness_over_grip: Option<f64>, markers: &[Marker]) {
         if self.reference.is_taken() {
             return;
         }
@@ -307,7 +307,7 @@ impl Estimator {
             return;
         }
         let loaded = stiffness_over_grip.is_some_and(|k| k * self.load.sum_px3.length() > LOADED_FRACTION);
-        self.reference.follow(seconds_s, &self.window, loaded, markers);
+        self.reference.follow(elapsed_s, &self.window, loaded, markers);
         if self.reference.is_taken() {
             let (reference, grip_n) = (&self.reference, self.reference.taken_grip_n());
             let per_grip = self.stiffness_n_per_px3.zip(grip_n).map(|(k, grip_n)| k / grip_n);
@@ -327,14 +327,14 @@ impl Estimator {
 
     /// The motion of the markers that stick, about the middle of the contact, and from it the rigid displacement of
     /// each point; None where it cannot be fitted.
-    fn fit_motion(&mut self, seconds_s: f64, growth: f64, markers: &[Marker]) -> Option<RigidMotion> {
+    fn fit_motion(&mut self, elapsed_s: f64, growth: f64, markers: &[Marker]) -> Option<RigidMotion> {
         let fitted = field::fit(&self.points, self.motion.as_ref(), self.pitch_px)?;
         let middle = self.points.iter().fold(Vec2::ZERO, |sum, q| sum + q.rest) / self.points.len() as f64;
         let motion = RigidMotion { reference: middle, translation: fitted.displacement(middle), ..fitted };
         let tabulated = motion.tabulated();
         for m in markers.iter().filter(|m| m.whole && m.matched) {
             let under_load = self.reference.under_load(m, growth);
-            self.reference.keep(seconds_s, m, || under_load - tabulated.displacement(m.rest));
+            self.reference.keep(elapsed_s, m, || under_load - tabulated.displacement(m.rest));
         }
         for point in &mut self.points {
             point.rigid = tabulated.displacement(point.rest);
@@ -345,7 +345,7 @@ impl Estimator {
     }
 
     /// After a change of the grip, what was learned of slip and stiffness counts from here on.
-    fn heed_regrip(&mut self, learned: &Learned, stiffness_over_grip: Option<f64>) {
+    fn apply_regrip(&mut self, learned: &Learned, stiffness_over_grip: Option<f64>) {
         let hardly_pulled = stiffness_over_grip.is_some_and(|k| k * learned.load_px3 < HARDLY_PULLED_FRACTION);
         let Some(way) = self.reference.regripped(self.grip.mean_n(), hardly_pulled) else { return };
         match way {
@@ -360,22 +360,22 @@ impl Estimator {
     }
 
     /// The reported torque, about the middle of the contact.
-    fn torque_px4(&mut self, seconds_s: f64, middle_px: Option<Vec2>, markers: &[Marker], growth: f64) -> f64 {
+    fn torque_px4(&mut self, elapsed_s: f64, middle_px: Option<Vec2>, markers: &[Marker], growth: f64) -> f64 {
         let mean = |of: &dyn Fn(&Point) -> Vec2| {
             self.points.iter().fold(Vec2::ZERO, |sum, q| sum + of(q)) / self.points.len() as f64
         };
         let moved = mean(&|q| q.displacement);
         let of_markers = mean(&|q| markers[q.id as usize].now) - moved;
-        let about = self.middle.see(seconds_s, of_markers, middle_px.map(|middle_px| middle_px - moved));
+        let about = self.middle.see(elapsed_s, of_markers, middle_px.map(|middle_px| middle_px - moved));
         self.load.torque_px4(markers, about, |m| self.reference.under_load(m, growth))
     }
 
     /// Time since the last frame.
     fn pass_time(&mut self, time_ns: Option<u64>) -> f64 {
-        let seconds_s = frame_period_s(self.last_ns, time_ns).min(1.0);
+        let elapsed_s = frame_period_s(self.last_ns, time_ns).min(1.0);
         self.last_ns = time_ns;
-        self.time_s += seconds_s;
-        seconds_s
+        self.time_s += elapsed_s;
+        elapsed_s
     }
 
     /// Ratio of the load at gross slip to mu P: see [`indentation_gain`].

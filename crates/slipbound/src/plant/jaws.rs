@@ -145,9 +145,9 @@ impl JawDrive {
     }
 
     fn run_to(&mut self, now_ns: u64, width_mm: Option<f64>) {
-        let seconds = now_ns.saturating_sub(self.now_ns) as f64 * 1e-9;
+        let elapsed_s = now_ns.saturating_sub(self.now_ns) as f64 * 1e-9;
         self.now_ns = self.now_ns.max(now_ns);
-        let reach_mm = self.settings.speed_mm_per_s * seconds;
+        let reach_mm = self.settings.speed_mm_per_s * elapsed_s;
         let stop_mm = width_mm.unwrap_or(0.0);
         self.touches &= width_mm.is_some();
         match self.running {
@@ -157,9 +157,9 @@ impl JawDrive {
                 self.touches = width_mm.is_some() && self.opening_mm <= stop_mm;
                 // Force builds up only since the jaws touched.
                 let pressed_s = if before_mm > stop_mm {
-                    seconds - (before_mm - stop_mm) / self.settings.speed_mm_per_s
+                    elapsed_s - (before_mm - stop_mm) / self.settings.speed_mm_per_s
                 } else {
-                    seconds
+                    elapsed_s
                 };
                 let target_n = if self.touches { force_n } else { 0.0 };
                 self.follow(target_n, pressed_s.max(0.0));
@@ -177,8 +177,8 @@ impl JawDrive {
         }
     }
 
-    fn follow(&mut self, target_n: f64, seconds: f64) {
-        let left = libm::exp(-seconds / self.settings.lag_s);
+    fn follow(&mut self, target_n: f64, elapsed_s: f64) {
+        let left = libm::exp(-elapsed_s / self.settings.lag_s);
         self.force_n = target_n + (self.force_n - target_n) * left;
     }
 

@@ -57,8 +57,8 @@ impl WristDrive {
         let from_ns = self.now_ns;
         self.now_ns = from_ns.max(now_ns);
         let Some(running) = &mut self.running else { return };
-        let seconds = self.now_ns.min(running.until_ns).saturating_sub(from_ns) as f64 * 1e-9;
-        let way = (running.rate_per_s.abs() * seconds).min(running.left);
+        let elapsed_s = self.now_ns.min(running.until_ns).saturating_sub(from_ns) as f64 * 1e-9;
+        let way = (running.rate_per_s.abs() * elapsed_s).min(running.left);
         running.left -= way;
         let way = way.copysign(running.rate_per_s);
         if running.turns {

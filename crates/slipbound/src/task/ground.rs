@@ -87,8 +87,8 @@ impl Ground {
     pub fn push_mm(&mut self, now_ns: u64, stands: bool) -> f64 {
         let Some(estimate) = &mut self.estimates[0] else { return 0.0 };
         let (mean_mm, seen_ns) = estimate.mean.unwrap_or((estimate.along_mm, now_ns));
-        let seconds = now_ns.saturating_sub(seen_ns) as f64 * 1e-9;
-        let creep_fraction = if stands { 0.0 } else { smoothing::weight(seconds, CREEP_S) };
+        let elapsed_s = now_ns.saturating_sub(seen_ns) as f64 * 1e-9;
+        let creep_fraction = if stands { 0.0 } else { smoothing::weight(elapsed_s, CREEP_S) };
         let next_mm = mean_mm + creep_fraction * (estimate.along_mm - mean_mm);
         estimate.mean = Some((next_mm, now_ns));
         mean_mm - estimate.along_mm

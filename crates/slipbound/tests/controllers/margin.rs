@@ -50,7 +50,7 @@ fn many_times_what_is_needed_is_let_go_faster_but_not_all_of_it() {
 fn as_much_is_let_go_in_a_second_at_every_rate_of_the_loop() {
     let settings = MarginSettings::default();
     let left_n =
-        |rate_hz: u32| (0..rate_hz / 10).fold(50.0, |n, _| n - settings.let_go_n(n, 10.0, 1.0 / f64::from(rate_hz)));
+        |rate_hz: u32| (0..rate_hz / 10).fold(50.0, |n, _| n - settings.release_n(n, 10.0, 1.0 / f64::from(rate_hz)));
     for rate_hz in [10, 30, 100, 240] {
         assert!((left_n(rate_hz) - (15.0 + 35.0 * libm::exp(-0.4))).abs() < 1e-9, "{rate_hz} Hz: {}", left_n(rate_hz));
     }

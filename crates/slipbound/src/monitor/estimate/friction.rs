@@ -42,14 +42,14 @@ const REGRIPPED_S: f64 = 0.2;
 /// A grip whose logarithm has fallen by the first number since the field was restarted leaves squeeze and slip of the
 /// larger contact in it. Each 1 beyond adds the second number, in quadrature, to the standard deviation of a frame's
 /// log used fraction, up to a load of the third number times the grip force; under more load the effect decreases.
-const LET_GO_LOG: f64 = 1.0;
-const LET_GO_LOG_SD: f64 = 0.8;
-const LET_GO_PER_GRIP: f64 = 0.15;
+const GRIP_FALLEN_LOG: f64 = 1.0;
+const GRIP_FALLEN_LOG_SD: f64 = 0.8;
+const GRIP_FALLEN_PER_GRIP: f64 = 0.15;
 /// When the load falls, slip of the rim under the larger load remains, and the used fraction seems larger than it is:
 /// each 1 by which the logarithm of the load has fallen beyond the first number adds the second, in quadrature, to the
 /// standard deviation of a frame's log used fraction.
-const EASED_LOG: f64 = 0.1;
-const EASED_LOG_SD: f64 = 1.0;
+const LOAD_FALLEN_LOG: f64 = 0.1;
+const LOAD_FALLEN_LOG_SD: f64 = 1.0;
 /// Standard deviation of the log friction from the load at which an object begins to slide.
 const SLIDES_LOG_SD: f64 = 0.15;
 /// This load is used once the slide has been detected in this many frames and for this time, s: a sudden drop of the
@@ -222,21 +222,22 @@ impl Friction {
         self.last_log_load_grip = Some((log_load, log_grip));
         let most_log_grip = self.most_log_grip.map_or(log_grip, |most| most.max(log_grip));
         self.most_log_grip = Some(most_log_grip);
-        let let_go = (most_log_grip - log_grip - LET_GO_LOG).max(0.0);
-        let left_log_sd = LET_GO_LOG_SD * let_go * (LET_GO_PER_GRIP / load).min(1.0);
+        let grip_fallen = (most_log_grip - log_grip - GRIP_FALLEN_LOG).max(0.0);
+        let left_log_sd = GRIP_FALLEN_LOG_SD * grip_fallen * (GRIP_FALLEN_PER_GRIP / load).min(1.0);
         let log_load_n = libm::log((shown.per_grip * shown.grip_n).max(1e-6));
         let most_log_load_n = self.most_log_load_n.map_or(log_load_n, |most| most.max(log_load_n));
         self.most_log_load_n = Some(most_log_load_n);
-        let eased = if shown.imprint_slides { 0.0 } else { (most_log_load_n - log_load_n - EASED_LOG).max(0.0) };
-        let log_used_sd = libm::hypot(shown.log_used_sd, libm::hypot(left_log_sd, EASED_LOG_SD * eased));
+        let load_fallen =
+            if shown.imprint_slides { 0.0 } else { (most_log_load_n - log_load_n - LOAD_FALLEN_LOG).max(0.0) };
+        let log_used_sd = libm::hypot(shown.log_used_sd, libm::hypot(left_log_sd, LOAD_FALLEN_LOG_SD * load_fallen));
         let (log_used, used) = lean(log_load, log_used_sd, used);
-        let passed_s = self.seen_s.map(|seen_s| shown.at_s - seen_s).filter(|s| *s > 0.0).unwrap_or(FRAME_S);
+        let elapsed_s = self.seen_s.map(|seen_s| shown.at_s - seen_s).filter(|s| *s > 0.0).unwrap_or(FRAME_S);
         (self.now_s, self.seen_s) = (shown.at_s, Some(shown.at_s));
         let seen = self.regripped_s.map(|regripped_s| ((self.now_s - regripped_s) / REGRIPPED_S).clamp(0.0, 1.0));
-        let seen = seen.or(Some(1.0).filter(|_| (let_go > 0.0 || eased > 0.0) && self.information > 0.0));
+        let seen = seen.or(Some(1.0).filter(|_| (grip_fallen > 0.0 || load_fallen > 0.0) && self.information > 0.0));
         // A frame without new motion gives no new information.
         if used.age_frames == 0 {
-            let own = if self.is_independent(log_load) { 1.0 } else { (passed_s / CORRELATION_S).min(1.0) };
+            let own = if self.is_independent(log_load) { 1.0 } else { (elapsed_s / CORRELATION_S).min(1.0) };
             let share = own * seen.map_or(1.0, |seen| REGRIPPED_SHARE * seen);
             let log_sd = libm::hypot(log_used_sd, LOAD_NOISE_PER_GRIP / shown.per_grip.max(1e-6));
             self.take(log_load - log_used, log_sd, share, log_grip);

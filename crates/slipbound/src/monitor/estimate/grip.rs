@@ -45,19 +45,19 @@ impl Grip {
 
     /// Takes the reading of a frame. `is_squeezed`: whether the contact has settled; then 0 N is no reading, and neither
     /// is a force that is read for a moment alone.
-    pub fn take(&mut self, sample: Option<GripSample>, seconds_s: f64, is_squeezed: bool) {
+    pub fn take(&mut self, sample: Option<GripSample>, elapsed_s: f64, is_squeezed: bool) {
         let usable = |n: &f64| n.is_finite() && (*n > 0.0 || *n == 0.0 && !is_squeezed);
         let reading_n = sample.map(|sample| sample.force_n).filter(usable);
-        self.doubted = self.doubted.map(|(force_n, since_s)| (force_n, since_s + seconds_s));
+        self.doubted = self.doubted.map(|(force_n, since_s)| (force_n, since_s + elapsed_s));
         let Some(force_n) = reading_n.filter(|&force_n| !is_squeezed || self.believes(force_n)) else {
-            self.unread_s += seconds_s;
+            self.unread_s += elapsed_s;
             if self.unread_s > HOLDS_S {
                 (self.mean_n, self.reading_n) = (None, None);
             }
             return;
         };
         self.unread_s = 0.0;
-        let share = smoothing::weight(seconds_s, MEAN_S);
+        let share = smoothing::weight(elapsed_s, MEAN_S);
         let before_n = self.mean_n.unwrap_or(force_n);
         let most_n = BEHIND_N.max(BEHIND_FRACTION * force_n);
         let mean_n = (before_n + share * (force_n - before_n)).clamp(force_n - most_n, force_n + most_n);

@@ -55,12 +55,12 @@ pub(super) struct Middle {
 }
 
 impl Middle {
-    /// Adds the middles of a frame, `seconds_s` after the last; that of the region where known. Both are positions
+    /// Adds the middles of a frame, `elapsed_s` after the last; that of the region where known. Both are positions
     /// without the load.
-    pub fn see(&mut self, seconds_s: f64, of_markers: Vec2, of_region: Option<Vec2>) -> Vec2 {
+    pub fn see(&mut self, elapsed_s: f64, of_markers: Vec2, of_region: Option<Vec2>) -> Vec2 {
         let now = of_region.map_or(of_markers, |of_region| (of_markers + of_region) / 2.0);
         let before = self.px.unwrap_or(now);
-        let share = smoothing::weight(seconds_s, MIDDLE_S);
+        let share = smoothing::weight(elapsed_s, MIDDLE_S);
         let px = before + (now - before) * share;
         self.px = Some(px);
         px
@@ -122,9 +122,9 @@ impl Load {
         markers.iter().zip(self.patches.iter().map(Patch::area_px2))
     }
 
-    /// Computes the sum of a frame, `seconds_s` after the last.
-    pub fn sum(&mut self, seconds_s: f64, markers: &[Marker]) {
-        let share = smoothing::weight(seconds_s, JOINS_S);
+    /// Computes the sum of a frame, `elapsed_s` after the last.
+    pub fn sum(&mut self, elapsed_s: f64, markers: &[Marker]) {
+        let share = smoothing::weight(elapsed_s, JOINS_S);
         for (patch, m) in self.patches.iter_mut().zip(markers) {
             let joined_fraction = if m.in_contact { 1.0 } else { 0.0 };
             patch.joined_fraction += share * (joined_fraction - patch.joined_fraction);

@@ -115,11 +115,11 @@ impl Reference {
 
     /// Measures the time in contact; takes the reference once grip and area are steady, or before when loaded in the
     /// plane.
-    pub fn follow(&mut self, seconds_s: f64, window: &Window, loaded: bool, markers: &[Marker]) {
+    pub fn follow(&mut self, elapsed_s: f64, window: &Window, loaded: bool, markers: &[Marker]) {
         if self.taken {
             return;
         }
-        self.touched_s += seconds_s;
+        self.touched_s += elapsed_s;
         self.recent.push(self.touched_s, markers);
         let grip = window.change(|s| s.grip_n);
         let area = window.change(|s| Some(s.area_px2));
@@ -165,8 +165,8 @@ impl Reference {
 
     /// Moves the squeeze with a contact that rolls or slides over the gel. `middle_px`: middle of the contact, in rest
     /// coordinates of the gel.
-    pub fn roll(&mut self, seconds_s: f64, middle_px: Vec2, pitch_px: f64, markers: &[Marker]) {
-        let newest = if self.taken_middle_px.is_some() { smoothing::weight(seconds_s, ROLL_S) } else { 1.0 };
+    pub fn roll(&mut self, elapsed_s: f64, middle_px: Vec2, pitch_px: f64, markers: &[Marker]) {
+        let newest = if self.taken_middle_px.is_some() { smoothing::weight(elapsed_s, ROLL_S) } else { 1.0 };
         self.middle_px += (middle_px - self.middle_px) * newest;
         let by = self.middle_px - *self.taken_middle_px.get_or_insert(self.middle_px);
         if (by - self.rolled_px).length() < ROLLED_PITCH * pitch_px {
@@ -247,12 +247,12 @@ impl Reference {
         self.bases[marker.id as usize].joined
     }
 
-    /// Tracks whether a marker is part of the contact, `seconds_s` after the last frame; for a marker that joins,
+    /// Tracks whether a marker is part of the contact, `elapsed_s` after the last frame; for a marker that joins,
     /// stores its residual to the rigid motion. Its slip counts from there.
-    pub fn keep(&mut self, seconds_s: f64, marker: &Marker, residual: impl FnOnce() -> Vec2) {
+    pub fn keep(&mut self, elapsed_s: f64, marker: &Marker, residual: impl FnOnce() -> Vec2) {
         let base = &mut self.bases[marker.id as usize];
         if !marker.in_contact {
-            base.away_s += seconds_s;
+            base.away_s += elapsed_s;
             return;
         }
         if base.away_s >= AWAY_S {
@@ -378,10 +378,10 @@ mod tests {
             let after = |away_s: f64| {
                 let mut reference = Reference::new(&[there]);
                 reference.take_rest(Some(10.0), &[there]);
-                let seconds_s = f64::from(frames_per_s).recip();
+                let elapsed_s = f64::from(frames_per_s).recip();
                 let residual = || Vec2::new(3.0, 0.0);
-                (0..(away_s / seconds_s).round() as u32).for_each(|_| reference.keep(seconds_s, &away, residual));
-                reference.keep(seconds_s, &there, residual);
+                (0..(away_s / elapsed_s).round() as u32).for_each(|_| reference.keep(elapsed_s, &away, residual));
+                reference.keep(elapsed_s, &there, residual);
                 reference.joined(&there)
             };
             assert_eq!(after(0.1), Vec2::ZERO, "{frames_per_s} Hz");

@@ -69,8 +69,8 @@ impl RecentMotion {
 
     /// Adds a frame: motion of the imprint over the gel and shear of the gel, both since the reference, px.
     pub(super) fn take(&mut self, over_gel: Motion3, of_gel: Motion3, time_ns: Option<u64>) -> Recent {
-        let passed_s = frame_period_s(std::mem::replace(&mut self.last_ns, time_ns), time_ns);
-        let at_s = if self.count == 0 { 0.0 } else { self.back(1).at_s + passed_s };
+        let elapsed_s = frame_period_s(std::mem::replace(&mut self.last_ns, time_ns), time_ns);
+        let at_s = if self.count == 0 { 0.0 } else { self.back(1).at_s + elapsed_s };
         let now = Step { over_gel, of_gel, at_s };
         self.steps[self.count % MOST_COUNT] = now;
         self.count += 1;
@@ -101,13 +101,13 @@ impl RecentMotion {
             back += 1;
         }
         let then = self.back(1 + back);
-        let passed_s = now.at_s - then.at_s;
-        if passed_s <= 0.0 {
+        let elapsed_s = now.at_s - then.at_s;
+        if elapsed_s <= 0.0 {
             return Moved::default();
         }
         // The motion of a contact younger than the window is not extrapolated.
-        let is_young = back == known && passed_s < window_s;
-        let whole = if is_young { 1.0 } else { window_s / passed_s } / self.pitch_px;
+        let is_young = back == known && elapsed_s < window_s;
+        let whole = if is_young { 1.0 } else { window_s / elapsed_s } / self.pitch_px;
         let (over, gel) = (minus(now.over_gel, then.over_gel), minus(now.of_gel, then.of_gel));
         Moved {
             over_pitch: whole * length(over),
@@ -127,13 +127,13 @@ impl RecentMotion {
     fn pace(&self, now: &Step) -> (f64, f64) {
         for back in 1..=self.known_before() {
             let then = self.back(1 + back);
-            let passed_s = now.at_s - then.at_s;
-            if passed_s > PACE_S {
+            let elapsed_s = now.at_s - then.at_s;
+            if elapsed_s > PACE_S {
                 break;
             }
             let over = minus(now.over_gel, then.over_gel);
-            if length(over) >= PACE_PITCH * self.pitch_px && passed_s > 0.0 {
-                let speed = length(over) / self.pitch_px / passed_s;
+            if length(over) >= PACE_PITCH * self.pitch_px && elapsed_s > 0.0 {
+                let speed = length(over) / self.pitch_px / elapsed_s;
                 return (speed, self.carried(over, minus(now.of_gel, then.of_gel)));
             }
         }

@@ -100,8 +100,8 @@ impl SlidingWatch {
             }
             // The fastest pace counts: after a stop, the same motion lies further back with every frame.
             self.pace_frames = Some(self.pace_frames.map_or(back, |pace| pace.min(back)));
-            let seconds = now.time_ns.zip(then.time_ns).map(|(a, b)| a.saturating_sub(b) as f64 * 1e-9);
-            return Some(Sliding { speed_px_per_s: seconds.filter(|s| *s > 0.0).map(|s| length_px / s) });
+            let elapsed_s = now.time_ns.zip(then.time_ns).map(|(a, b)| a.saturating_sub(b) as f64 * 1e-9);
+            return Some(Sliding { speed_px_per_s: elapsed_s.filter(|s| *s > 0.0).map(|s| length_px / s) });
         }
         None
     }

@@ -46,8 +46,8 @@ impl FrictionLimit {
 
     /// Adds the estimates of a frame.
     pub fn see(&mut self, at_s: f64, used: f64, stick: Estimate) {
-        let passed_s = self.at_s.replace(at_s).map_or(0.0, |before_s| (at_s - before_s).clamp(0.0, STEP_S));
-        let share = smoothing::weight(passed_s, SMOOTH_S);
+        let elapsed_s = self.at_s.replace(at_s).map_or(0.0, |before_s| (at_s - before_s).clamp(0.0, STEP_S));
+        let share = smoothing::weight(elapsed_s, SMOOTH_S);
         self.used += share * (used - self.used);
         self.stick += share * (stick.value - self.stick);
         if stick.age_frames == 0 {

@@ -53,9 +53,9 @@ impl Growth {
                 back += 1;
             }
             let then = past(back);
-            let passed_s = now.at_s - then.at_s;
-            let is_young = back == known && passed_s < window_s;
-            let times = if passed_s > 0.0 && !is_young { window_s / passed_s } else { 1.0 };
+            let elapsed_s = now.at_s - then.at_s;
+            let is_young = back == known && elapsed_s < window_s;
+            let times = if elapsed_s > 0.0 && !is_young { window_s / elapsed_s } else { 1.0 };
             let known_grip = now.grip_n > 0.0 && then.grip_n > 0.0;
             Grown {
                 load_fraction: times * (now.load - then.load) / now.load.max(LEAST),
