@@ -114,7 +114,11 @@ pub(super) fn step_s(last_ns: Option<u64>, now_ns: u64) -> f64 {
     (now_ns.saturating_sub(last_ns.unwrap_or(now_ns)) as f64 * 1e-9).min(LONGEST_STEP_S)
 }
 
+/// Difference from a commanded force, N per finger or as a share of it, up to which it counts as reached.
+const ARRIVED_N: f64 = 0.5;
+const ARRIVED_FRACTION: f64 = 0.05;
+
 /// Whether a commanded force has been reached: within half a newton or a twentieth.
 pub(crate) fn arrived(target_n: f64, gripper: &GripperState) -> bool {
-    gripper.pressed_n().is_some_and(|n| (n - target_n).abs() <= 0.5f64.max(0.05 * target_n))
+    gripper.pressed_n().is_some_and(|n| (n - target_n).abs() <= ARRIVED_N.max(ARRIVED_FRACTION * target_n))
 }

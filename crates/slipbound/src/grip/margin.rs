@@ -58,6 +58,11 @@ const DOUBTFUL_LOADED_FRACTION: f64 = 0.15;
 /// The force that stopped a slide is kept until the minimum holding force has fallen to this share of its value then.
 const LOAD_FALLEN_FRACTION: f64 = 0.3;
 
+/// The grip lags behind the load, and the arm waits, while the command exceeds the force by this factor and the used
+/// fraction exceeds its target by this much.
+const LAGGING_FORCE_RATIO: f64 = 1.2;
+const LAGGING_USED_FRACTION: f64 = 0.15;
+
 /// Friction coefficient at or below which a contact counts as slippery, and from which it does not.
 const FRICTION: (f64, f64) = (0.3, 0.9);
 
@@ -315,7 +320,7 @@ impl GripController for Margin {
             self.stopped = Some(StoppedSlide { least_n, force_n: self.force_n });
         }
         // The arm waits while the grip lags behind the load.
-        let behind = self.force_n > 1.2 * pressed_n && used > target + 0.15;
+        let behind = self.force_n > LAGGING_FORCE_RATIO * pressed_n && used > target + LAGGING_USED_FRACTION;
         GripDecision { force_n: self.force_n, arm: if behind { ArmMotion::Pause } else { ArmMotion::Go } }
     }
 

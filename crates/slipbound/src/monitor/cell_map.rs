@@ -106,9 +106,13 @@ impl CellMap {
     }
 }
 
+/// Radius of the cover over a marker: this many of its diameters, and this much more, px.
+const COVER_DIAMETERS: f64 = 0.55;
+const COVER_RIM_PX: f64 = 1.5;
+
 /// Radius around a marker within which cells do not count: its own radius, its blurred rim, and half a cell of motion.
 pub(crate) fn cover_radius_px(sensor: &Sensor) -> f64 {
-    0.55 * sensor.marker_diameter_px + 1.5
+    COVER_DIAMETERS * sensor.marker_diameter_px + COVER_RIM_PX
 }
 
 #[cfg(test)]

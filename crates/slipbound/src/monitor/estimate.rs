@@ -38,7 +38,7 @@ use grip::Grip;
 use last_motion::{Carried, LastMotion};
 use load::{Load, Middle};
 pub use prediction::EstimateTrees;
-use prediction::Trees;
+use prediction::{MAX_USED, Trees};
 use reference::{Reference, Regrip};
 use std::sync::Arc;
 use window::{Sample, Stretches, Window};
@@ -398,7 +398,7 @@ impl Estimator {
         }
         let floor_px = field::FLOOR_PITCH * self.pitch_px;
         let Carried { prediction, age_frames } = self.last_motion.see(prediction, load, learned.rigid_px, floor_px);
-        let mut used = Estimate { value: prediction.used.clamp(0.0, 1.2), sd: prediction.used_sd, age_frames };
+        let mut used = Estimate { value: prediction.used.clamp(0.0, MAX_USED), sd: prediction.used_sd, age_frames };
         let stick = Estimate { value: prediction.stick.clamp(0.0, 1.0), sd: prediction.stick_sd, age_frames };
         if let (Some(k), Some(grip_n)) = (self.stiffness_n_per_px3, self.grip.mean_n().filter(|n| *n > 0.0)) {
             let per_grip = k * load_px3 / grip_n;

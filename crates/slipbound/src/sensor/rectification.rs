@@ -154,6 +154,8 @@ impl Distortion {
 const SLOPE_SHARE: f64 = 1e-4;
 /// Rounds of Newton's method; each squares the error.
 const ROUNDS_COUNT: usize = 12;
+/// Determinant of the derivative at or below which a map counts as folded.
+const MIN_JACOBIAN: f64 = 0.05;
 /// Step over which a slope is measured, px.
 const SLOPE_STEP_PX: f64 = 0.01;
 
@@ -188,7 +190,7 @@ impl Rectification {
             }
             let (along, across) = slopes(&seen, p);
             let det = along.cross(across);
-            if det.is_nan() || det <= 0.05 {
+            if det.is_nan() || det <= MIN_JACOBIAN {
                 return None; // folded, or not a number
             }
             let step = Vec2::new(miss.cross(across), along.cross(miss)) / det;
@@ -241,7 +243,7 @@ impl Rectification {
             let p = Vec2::new(share(i % 11, left, right), share(i / 11, top, bottom));
             let (along, across) = slopes(&|p| p + d.displacement_px(p), p);
             let det = along.cross(across);
-            det.is_nan() || det <= 0.05
+            det.is_nan() || det <= MIN_JACOBIAN
         };
         match (0..121).any(folds) {
             true => {

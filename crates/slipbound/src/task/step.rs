@@ -2,7 +2,7 @@
 
 use crate::grip::Guard;
 use crate::hand::HandReport;
-use crate::port::{GripCommand, GripperState, Jaws, WristCommand, WristMotion, WristState};
+use crate::port::{GripCommand, GripperState, Jaws, LONGEST_TIME_TO_LIVE_NS, WristCommand, WristMotion, WristState};
 use serde::{Deserialize, Serialize};
 
 /// The input of a task in one cycle.
@@ -167,14 +167,17 @@ pub trait Task {
     }
 }
 
+/// Longest duration of a motion that is not renewed, s.
+const MOTION_S: f64 = LONGEST_TIME_TO_LIVE_NS as f64 * 1e-9;
+
 /// A turn that lasts until the renewal after the next.
 pub(super) fn turn(rate_rad_per_s: f64) -> WristCommand {
-    WristCommand::new(WristMotion::Turn { rate_rad_per_s, most_rad: rate_rad_per_s.abs() * 0.2 })
+    WristCommand::new(WristMotion::Turn { rate_rad_per_s, most_rad: rate_rad_per_s.abs() * MOTION_S })
 }
 
 /// A lowering (negative: lifting) that lasts until the renewal after the next.
 pub(super) fn lower(rate_mm_per_s: f64) -> WristCommand {
-    WristCommand::new(WristMotion::Lower { rate_mm_per_s, most_mm: rate_mm_per_s.abs() * 0.2 })
+    WristCommand::new(WristMotion::Lower { rate_mm_per_s, most_mm: rate_mm_per_s.abs() * MOTION_S })
 }
 
 pub(super) const PAUSE: WristCommand = WristCommand::new(WristMotion::Pause);

@@ -1,5 +1,11 @@
 //! The illumination of the untouched gel, separated from the sharper imprint of an object.
 
+/// Rounds of the robust fit.
+const ROUNDS_COUNT: usize = 12;
+/// Scale of its weights (Geman-McClure): this many median residuals, and this much more, levels.
+const SCALE_MEDIANS: f64 = 1.5;
+const LEAST_SCALE_LEVELS: f64 = 0.5;
+
 /// The rest image of a finger that is already touched: a smooth surface (a polynomial of degree 6) fitted robustly to
 /// the cells. The imprint is sharper than illumination can be and counts as outliers.
 pub(crate) fn illumination(cells: &mut [[f32; 3]], covered: &[bool], columns: usize) {
@@ -24,7 +30,7 @@ pub(crate) fn illumination(cells: &mut [[f32; 3]], covered: &[bool], columns: us
     let mut weight: Vec<f64> = covered.iter().map(|&c| if c { 0.0 } else { 1.0 }).collect();
     let mut fitted = vec![[0.0f64; 3]; cells.len()];
     let mut residuals: Vec<f64> = Vec::with_capacity(cells.len());
-    for _ in 0..12 {
+    for _ in 0..ROUNDS_COUNT {
         let mut normal = [[0.0f64; TERMS + 3]; TERMS];
         for (i, colour) in cells.iter().enumerate().filter(|(i, _)| weight[*i] > 0.0) {
             let b = &basis[i];
@@ -48,7 +54,7 @@ pub(crate) fn illumination(cells: &mut [[f32; 3]], covered: &[bool], columns: us
         }
         let mut sorted = residuals.clone();
         sorted.sort_unstable_by(f64::total_cmp);
-        let scale = 1.5 * sorted[sorted.len() / 2] + 0.5; // Geman-McClure at 1.5 times the median residual
+        let scale = SCALE_MEDIANS * sorted[sorted.len() / 2] + LEAST_SCALE_LEVELS;
         for (i, w) in weight.iter_mut().enumerate().filter(|(i, _)| !covered[*i]) {
             let t = residuals[i] / scale;
             *w = 1.0 / ((1.0 + t * t) * (1.0 + t * t));

@@ -15,6 +15,7 @@
 //! `indentation_gain`: a curved object that has sunk into the gel bears against its far side, and slides at more than
 //! mu P.
 
+use super::prediction::MAX_USED;
 use crate::monitor::frame_period::FRAME_S;
 use crate::monitor::report::Estimate;
 use crate::plane::Vec2;
@@ -253,7 +254,7 @@ impl Friction {
         let of_memory = information + (1.0 - seen) * PRIOR_INFORMATION;
         let all = of_frame + of_memory;
         let log_used = (of_frame * log_used + of_memory * (log_load - libm::log(value))) / all;
-        let value = libm::exp(log_used).min(1.2);
+        let value = libm::exp(log_used).min(MAX_USED);
         (friction, Estimate { value, sd: value * all.recip().sqrt(), ..used })
     }
 }

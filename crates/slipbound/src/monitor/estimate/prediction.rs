@@ -6,6 +6,9 @@ use super::features::{FEATURES_COUNT, Features, GEOMETRIC_COUNT};
 use crate::monitor::trees::{Ensemble, parse};
 use std::sync::{Arc, LazyLock};
 
+/// Largest used fraction that is reported; above 1 the object slides.
+pub(super) const MAX_USED: f64 = 1.2;
+
 /// Estimates from one frame.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Prediction {
