@@ -32,10 +32,10 @@ use crate::monitor::report::{Estimate, Estimates, Marker};
 use crate::plane::{RigidMotion, Vec2};
 use crate::port::GripSample;
 use crate::sensor::Sensor;
-use field::{FieldFacts, Learned, Point};
-use friction::{Friction, Shown, half_width_px, indentation_gain};
+use field::{FieldFacts, FieldMeasures, Point};
+use friction::{Friction, FrictionSample, half_width_px, indentation_gain};
 use grip::Grip;
-use last_motion::{Carried, LastMotion};
+use last_motion::{HeldEstimate, LastMotion};
 use load::{Load, Middle};
 pub use prediction::EstimateTrees;
 use prediction::{MAX_USED, Trees};
@@ -98,16 +98,16 @@ pub(super) struct Estimator {
     /// Load in the plane, and torque over the mean radius of the contact, in the same unit.
     load_px3: (Vec2, f64),
     /// The torque as an equivalent force: that which moves the contact as far as the torque moves its points on
-    /// average, see [`Learned::lever_px`].
+    /// average, see [`FieldMeasures::lever_px`].
     turning_px3: f64,
 }
 
 /// Load and contact in a frame.
-struct Seen {
+struct FrameLoad {
     force_px3: Vec2,
     /// The reported torque.
     torque_px4: f64,
-    /// Force and moment combined, see [`Learned::load_px3`].
+    /// Force and moment combined, see [`FieldMeasures::load_px3`].
     load_px3: f64,
     /// Middle of the contact, px.
     middle: Vec2,
@@ -281,19 +281,19 @@ impl Estimator {
             before: self.window.oldest().copied(),
             stiffest_px2: self.stiffest_px2,
         };
-        let learned = field::features(&mut self.points, &motion, &facts, &mut self.stretches, &mut self.scratch);
-        self.stiffest_px2 = self.stiffest_px2.max(learned.secant_px2.unwrap_or(0.0));
+        let measures = field::features(&mut self.points, &motion, &facts, &mut self.stretches, &mut self.scratch);
+        self.stiffest_px2 = self.stiffest_px2.max(measures.secant_px2.unwrap_or(0.0));
         if let Some(sample) = self.window.newest_mut() {
-            sample.rigid_px = learned.rigid_px;
+            sample.rigid_px = measures.rigid_px;
         }
-        self.apply_regrip(&learned, stiffness_over_grip);
-        self.features = Some(learned.features);
-        self.load_px3 = (force_px3, learned.arm_px.recip() * moment_px4);
-        self.turning_px3 = moment_px4 / learned.lever_px;
+        self.apply_regrip(&measures, stiffness_over_grip);
+        self.features = Some(measures.features);
+        self.load_px3 = (force_px3, measures.arm_px.recip() * moment_px4);
+        self.turning_px3 = moment_px4 / measures.lever_px;
         let torque_px4 = self.torque_px4(elapsed_s, middle_px, markers, growth);
         self.estimate(
-            &learned,
-            &Seen { force_px3, torque_px4, load_px3: learned.load_px3, middle, area_px2: whole_px2 },
+            &measures,
+            &FrameLoad { force_px3, torque_px4, load_px3: measures.load_px3, middle, area_px2: whole_px2 },
         );
     }
 
@@ -345,14 +345,14 @@ impl Estimator {
     }
 
     /// After a change of the grip, what was learned of slip and stiffness counts from here on.
-    fn apply_regrip(&mut self, learned: &Learned, stiffness_over_grip: Option<f64>) {
-        let hardly_pulled = stiffness_over_grip.is_some_and(|k| k * learned.load_px3 < HARDLY_PULLED_FRACTION);
+    fn apply_regrip(&mut self, measures: &FieldMeasures, stiffness_over_grip: Option<f64>) {
+        let hardly_pulled = stiffness_over_grip.is_some_and(|k| k * measures.load_px3 < HARDLY_PULLED_FRACTION);
         let Some(way) = self.reference.regripped(self.grip.mean_n(), hardly_pulled) else { return };
         match way {
             Regrip::Harder => self.friction.regripped(),
             Regrip::Lighter => self.friction.slip_counts_anew(),
         }
-        self.stretches.restart(learned.load_px3, learned.rigid_px);
+        self.stretches.restart(measures.load_px3, measures.rigid_px);
         self.last_motion.regripped();
         for point in &self.points {
             self.reference.count_anew(point.id, point.residual());
@@ -379,7 +379,7 @@ impl Estimator {
     }
 
     /// Ratio of the load at gross slip to mu P: see [`indentation_gain`].
-    fn indentation_gain(&self, stiffness_n_per_px3: f64, grip_n: f64, seen: &Seen) -> f64 {
+    fn indentation_gain(&self, stiffness_n_per_px3: f64, grip_n: f64, seen: &FrameLoad) -> f64 {
         let force_px3 = seen.force_px3.length();
         let along = seen.force_px3 / force_px3.max(1e-9);
         let half_width_px = half_width_px(self.points.iter().map(|q| q.rest), seen.middle, along);
@@ -387,8 +387,8 @@ impl Estimator {
         indentation_gain(shear_px, half_width_px, force_px3 / seen.load_px3.max(1e-9))
     }
 
-    fn estimate(&mut self, learned: &Learned, seen: &Seen) {
-        let features = &learned.features;
+    fn estimate(&mut self, measures: &FieldMeasures, seen: &FrameLoad) {
+        let features = &measures.features;
         let load_px3 = seen.load_px3;
         let knows_grip = self.knows_grip();
         let prediction = if knows_grip { self.trees.with_grip(features) } else { self.trees.alone(features) };
@@ -397,7 +397,8 @@ impl Estimator {
             self.last_motion.load_is(load);
         }
         let floor_px = field::FLOOR_PITCH * self.pitch_px;
-        let Carried { prediction, age_frames } = self.last_motion.see(prediction, load, learned.rigid_px, floor_px);
+        let HeldEstimate { prediction, age_frames } =
+            self.last_motion.see(prediction, load, measures.rigid_px, floor_px);
         let mut used = Estimate { value: prediction.used.clamp(0.0, MAX_USED), sd: prediction.used_sd, age_frames };
         let stick = Estimate { value: prediction.stick.clamp(0.0, 1.0), sd: prediction.stick_sd, age_frames };
         if let (Some(k), Some(grip_n)) = (self.stiffness_n_per_px3, self.grip.mean_n().filter(|n| *n > 0.0)) {
@@ -405,7 +406,7 @@ impl Estimator {
             // Rolling and settling make the rim lag, too, but at a small load nothing slides.
             used.value = used.value.min(per_grip / LEAST_FRICTION);
             let log_used_sd = prediction.log_used_sd.unwrap_or(used.sd / used.value.max(1e-3));
-            let shown = Shown {
+            let sample = FrictionSample {
                 at_s: self.time_s,
                 per_grip,
                 grip_n,
@@ -413,7 +414,7 @@ impl Estimator {
                 imprint_slides: self.imprint_slides,
                 log_used_sd,
             };
-            (self.estimates.friction, used) = self.friction.see(&shown, used);
+            (self.estimates.friction, used) = self.friction.see(&sample, used);
         }
         if let Some((k, mm)) = self.stiffness_n_per_px3.zip(self.mm_per_px) {
             let force_n = k * seen.force_px3.length();

@@ -32,9 +32,9 @@ use field::Field;
 use gel::GelMotion;
 use pattern::Pattern;
 use planes::Planes;
-#[cfg(test)]
-pub(super) use recent::Moved;
 use recent::RecentMotion;
+#[cfg(test)]
+pub(super) use recent::WindowMotion;
 pub(super) use recent::{Recent, WINDOWS_S};
 use serde::{Deserialize, Serialize};
 use slide::Slide;

@@ -25,11 +25,11 @@ use super::evidence::{Recent, WINDOWS_S};
 use super::report::{Estimates, EvidenceReport};
 use super::trees::{Ensemble, parse};
 use friction_limit::{CONTINUE_STICK, CONTINUE_USED, FrictionLimit};
-use growth::{Grown, Growth};
+use growth::{Growth, RelativeGrowth};
 use score::ScoreWatch;
 use std::sync::LazyLock;
 
-pub(super) use growth::Loaded;
+pub(super) use growth::LoadSample;
 
 /// Number of features outside the windows, and of each window.
 const OTHERS_COUNT: usize = 12;
@@ -85,13 +85,13 @@ fn shipped() -> &'static Trees {
 
 /// Input of a frame besides the estimates.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Seen<'a> {
+pub(super) struct GrossInput<'a> {
     /// Values of the evidence.
     pub evidence: Option<&'a EvidenceReport>,
     /// Recent motion.
     pub recent: Option<&'a Recent>,
     /// Features of the estimates, and the load; None without estimates.
-    pub loaded: Option<(&'a Features, Loaded)>,
+    pub loaded: Option<(&'a Features, LoadSample)>,
     /// Time, s, on any clock.
     pub at_s: f64,
     /// Whether the object has been held since the rest frame, on a smooth gel.
@@ -99,9 +99,13 @@ pub(super) struct Seen<'a> {
 }
 
 /// The features of a frame; None where the estimates or the motion of the imprint are unknown.
-fn features(estimates: &Estimates, seen: &Seen<'_>, grown: Option<[Grown; WINDOWS_S.len()]>) -> Option<SlideFeatures> {
-    let (margin, stick, evidence, recent) = (estimates.margin?, estimates.stick_ratio?, seen.evidence?, seen.recent?);
-    let (field, _) = seen.loaded?;
+fn features(
+    estimates: &Estimates,
+    input: &GrossInput<'_>,
+    grown: Option<[RelativeGrowth; WINDOWS_S.len()]>,
+) -> Option<SlideFeatures> {
+    let (margin, stick, evidence, recent) = (estimates.margin?, estimates.stick_ratio?, input.evidence?, input.recent?);
+    let (field, _) = input.loaded?;
     let mut features = [0.0; SLIDE_FEATURES_COUNT];
     let (head, windows) = features.split_at_mut(OTHERS_COUNT);
     head.copy_from_slice(&[
@@ -119,7 +123,7 @@ fn features(estimates: &Estimates, seen: &Seen<'_>, grown: Option<[Grown; WINDOW
         field[LOAD],
     ]);
     for ((into, moved), grown) in windows.chunks_exact_mut(OF_WINDOW_COUNT).zip(&recent.windows).zip(grown?) {
-        let Grown { load_fraction, grip_fraction } = grown;
+        let RelativeGrowth { load_fraction, grip_fraction } = grown;
         into.copy_from_slice(&[
             moved.over_pitch,
             moved.carried_fraction,
@@ -176,24 +180,24 @@ impl GrossWatch {
 
     /// Adds a frame. Returns whether the object slides by its motion, with enough confidence to update the friction.
     /// Without estimates the imprint alone decides.
-    pub fn see(&mut self, estimates: &Estimates, knows_grip: bool, seen: &Seen<'_>) -> bool {
-        let score = seen.evidence.filter(|_| seen.held_from_start).map(|evidence| evidence.slide_score);
-        self.slides_by_score = score.is_some_and(|score| self.score.see(seen.at_s, score, seen.recent));
-        let grown = seen.loaded.map(|(_, loaded)| self.growth.see(loaded));
+    pub fn see(&mut self, estimates: &Estimates, knows_grip: bool, input: &GrossInput<'_>) -> bool {
+        let score = input.evidence.filter(|_| input.held_from_start).map(|evidence| evidence.slide_score);
+        self.slides_by_score = score.is_some_and(|score| self.score.see(input.at_s, score, input.recent));
+        let grown = input.loaded.map(|(_, loaded)| self.growth.see(loaded));
         let (Some(margin), Some(stick)) = (estimates.margin, estimates.stick_ratio) else {
             (self.features, self.all_used_frames_count) = (None, 0);
             self.friction_limit.pause();
-            self.moves = seen.evidence.is_some_and(|evidence| evidence.slides);
+            self.moves = input.evidence.is_some_and(|evidence| evidence.slides);
             self.is_reported = self.moves;
             return self.moves;
         };
         let used = 1.0 - margin.value;
-        match seen.loaded.filter(|_| knows_grip) {
+        match input.loaded.filter(|_| knows_grip) {
             Some((_, loaded)) => self.friction_limit.see(loaded.at_s, used, stick),
             None => self.friction_limit.pause(),
         }
         let stick = stick.value;
-        self.features = features(estimates, seen, grown);
+        self.features = features(estimates, input, grown);
         let (begins, says, goes_on) = match &self.features {
             Some(features) => {
                 self.all_used_frames_count = 0;
@@ -229,7 +233,7 @@ impl GrossWatch {
 #[cfg(test)]
 mod tests {
     use super::super::estimate::FEATURES_COUNT;
-    use super::super::evidence::Moved;
+    use super::super::evidence::WindowMotion;
     use super::super::report::Estimate;
     use super::*;
     use crate::plane::Vec2;
@@ -257,9 +261,15 @@ mod tests {
 
     /// Input of a frame of a contact under constant load, whose `field` has the usual shape and a load relative to 0.6
     /// of the grip force.
-    fn seen<'a>(evidence: &'a EvidenceReport, recent: Option<&'a Recent>, field: &'a Features) -> Seen<'a> {
-        let loaded = Loaded { at_s: 0.0, load: 1.0, grip_n: 20.0 };
-        Seen { evidence: Some(evidence), recent, loaded: Some((field, loaded)), at_s: 0.0, held_from_start: false }
+    fn seen<'a>(evidence: &'a EvidenceReport, recent: Option<&'a Recent>, field: &'a Features) -> GrossInput<'a> {
+        let loaded = LoadSample { at_s: 0.0, load: 1.0, grip_n: 20.0 };
+        GrossInput {
+            evidence: Some(evidence),
+            recent,
+            loaded: Some((field, loaded)),
+            at_s: 0.0,
+            held_from_start: false,
+        }
     }
 
     fn field(load: f64) -> Features {
@@ -270,7 +280,7 @@ mod tests {
 
     /// An imprint that moves at `pitch_per_s` over a gel that moves along by this share of it.
     fn moving(pitch_per_s: f64, carried_fraction: f64) -> Recent {
-        let moved = |window_s: f64| Moved {
+        let moved = |window_s: f64| WindowMotion {
             over_pitch: pitch_per_s * window_s,
             carried_fraction,
             gel_pitch: pitch_per_s * window_s * carried_fraction,
@@ -296,9 +306,9 @@ mod tests {
             let mut see = |used, stick, recent: Recent, growth_per_s: f64| {
                 (at_s, load) = (at_s + 1.0 / 30.0, load * libm::exp(growth_per_s / 30.0));
                 let field = field(if knows_grip { 0.85 * used } else { 0.0 });
-                let loaded = Some((&field, Loaded { at_s, load, grip_n: 20.0 }));
+                let loaded = Some((&field, LoadSample { at_s, load, grip_n: 20.0 }));
                 let evidence = evidence(true);
-                let seen = Seen { loaded, ..seen(&evidence, Some(&recent), &field) };
+                let seen = GrossInput { loaded, ..seen(&evidence, Some(&recent), &field) };
                 watch.see(&estimates(used, stick), knows_grip, &seen);
                 watch.slides()
             };
@@ -346,8 +356,8 @@ mod tests {
             let mut says = false;
             for frame in 0..10 {
                 let at_s = f64::from(frame) / 30.0;
-                let loaded = Loaded { at_s, load: libm::exp(growth_per_s * at_s), grip_n: 0.0 };
-                let seen = Seen { loaded: Some((&field, loaded)), ..seen(&evidence, Some(&recent), &field) };
+                let loaded = LoadSample { at_s, load: libm::exp(growth_per_s * at_s), grip_n: 0.0 };
+                let seen = GrossInput { loaded: Some((&field, loaded)), ..seen(&evidence, Some(&recent), &field) };
                 says = watch.see(&estimates(0.9, 0.1), false, &seen);
                 (watch.moves, watch.is_reported) = (false, false);
             }
@@ -388,8 +398,8 @@ mod tests {
         for knows_grip in [true, false] {
             let mut watch = GrossWatch::new();
             let said = [Some(1.0); 10].into_iter().chain([None, Some(1.0)]).enumerate().map(|(frame, used)| {
-                let loaded = Loaded { at_s: frame as f64 / 30.0, load: 1.0, grip_n: 20.0 };
-                let seen = Seen { loaded: Some((&field, loaded)), ..seen(&evidence, Some(&recent), &field) };
+                let loaded = LoadSample { at_s: frame as f64 / 30.0, load: 1.0, grip_n: 20.0 };
+                let seen = GrossInput { loaded: Some((&field, loaded)), ..seen(&evidence, Some(&recent), &field) };
                 let estimates = used.map_or(Estimates::default(), |used| estimates(used, 0.05));
                 assert!(!watch.see(&estimates, knows_grip, &seen), "by its motion it stands");
                 watch.slides()
@@ -419,11 +429,12 @@ mod tests {
     fn what_is_not_known_gives_no_features() {
         let (known, recent, evidence) = (estimates(0.5, 0.5), moving(1.0, 0.0), evidence(false));
         let field = field(0.4);
-        let (whole, grown) = (seen(&evidence, Some(&recent), &field), Some([Grown::default(); WINDOWS_S.len()]));
+        let (whole, grown) =
+            (seen(&evidence, Some(&recent), &field), Some([RelativeGrowth::default(); WINDOWS_S.len()]));
         assert!(features(&known, &whole, grown).is_some_and(|features| features.iter().all(|v| v.is_finite())));
         assert_eq!(features(&Estimates::default(), &whole, grown), None);
-        assert_eq!(features(&known, &Seen { evidence: None, ..whole }, grown), None);
-        assert_eq!(features(&known, &Seen { recent: None, ..whole }, grown), None);
-        assert_eq!(features(&known, &Seen { loaded: None, ..whole }, None), None);
+        assert_eq!(features(&known, &GrossInput { evidence: None, ..whole }, grown), None);
+        assert_eq!(features(&known, &GrossInput { recent: None, ..whole }, grown), None);
+        assert_eq!(features(&known, &GrossInput { loaded: None, ..whole }, None), None);
     }
 }

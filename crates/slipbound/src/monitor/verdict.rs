@@ -7,7 +7,7 @@
 
 use super::estimate::Estimator;
 use super::evidence::Evidence;
-use super::gross::{GrossWatch, Loaded, Seen, SlideFeatures};
+use super::gross::{GrossInput, GrossWatch, LoadSample, SlideFeatures};
 use super::settings::Settings;
 use super::slip::SlipRule;
 
@@ -50,15 +50,15 @@ impl Verdict {
     /// A frame in contact, after the estimator has seen it.
     pub fn see(&mut self, estimator: &mut Estimator, evidence: &Evidence, held_from_start: bool) {
         let (at_s, load, grip_n) = estimator.load_now();
-        let loaded = Loaded { at_s, load, grip_n: grip_n.unwrap_or(0.0) };
-        let seen = Seen {
+        let loaded = LoadSample { at_s, load, grip_n: grip_n.unwrap_or(0.0) };
+        let input = GrossInput {
             evidence: evidence.report.as_ref(),
             recent: evidence.recent.as_ref(),
             loaded: estimator.features.as_ref().map(|features| (features, loaded)),
             at_s,
             held_from_start,
         };
-        let moves = self.uses_evidence && self.gross.see(&estimator.estimates, estimator.knows_grip(), &seen);
+        let moves = self.uses_evidence && self.gross.see(&estimator.estimates, estimator.knows_grip(), &input);
         estimator.set_slides(moves);
         self.slides = self.uses_evidence && self.gross.slides();
         self.watch_margin(estimator);
@@ -83,8 +83,8 @@ impl Verdict {
         estimator.skip(time_ns);
         let (at_s, ..) = estimator.load_now();
         let (evidence, recent) = (evidence.report.as_ref(), evidence.recent.as_ref());
-        let seen = Seen { evidence, recent, loaded: None, at_s, held_from_start: true };
-        self.gross.see(&estimator.estimates, false, &seen);
+        let input = GrossInput { evidence, recent, loaded: None, at_s, held_from_start: true };
+        self.gross.see(&estimator.estimates, false, &input);
         self.slides = self.uses_evidence && self.gross.slides();
     }
 

@@ -83,7 +83,7 @@ pub(super) struct FieldFacts {
 const LEAST_MOVE_FLOORS: f64 = 2.0;
 
 /// The features, and quantities computed with them.
-pub(super) struct Learned {
+pub(super) struct FieldMeasures {
     pub features: Features,
     /// Combined load: force, and torque over mean radius, px3.
     pub load_px3: f64,
@@ -109,7 +109,7 @@ pub(super) fn features(
     facts: &FieldFacts,
     stretches: &mut Stretches,
     scratch: &mut [f64],
-) -> Learned {
+) -> FieldMeasures {
     let (n, p) = (points.len() as f64, facts.pitch_px);
     let floor = FLOOR_PITCH * p;
     points.sort_unstable_by(|a, b| a.radius.total_cmp(&b.radius));
@@ -170,7 +170,7 @@ pub(super) fn features(
     let slip_rms = (points.iter().map(|q| q.residual().length_squared()).sum::<f64>() / n).sqrt();
     let per_grip = facts.stiffness_over_grip_per_px3.unwrap_or(0.0) / SCALE_MU;
     let area = per_grip * facts.area_px2;
-    Learned {
+    FieldMeasures {
         features: [
             mean(&slip, points) / (mean_rigid + floor),
             mean(&moved, outer) / (mean(&moved, inner) + floor),

@@ -101,7 +101,7 @@ fn lean(log_load: f64, log_sd: f64, used: Estimate) -> (f64, Estimate) {
 
 /// Data of a frame.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Shown {
+pub(super) struct FrictionSample {
     /// Time, s.
     pub at_s: f64,
     /// Load over grip force.
@@ -217,30 +217,30 @@ impl Friction {
 
     /// Adds a frame. Returns the friction, once there is enough information, and `used` combined with what was known
     /// before.
-    pub fn see(&mut self, shown: &Shown, used: Estimate) -> (Option<Estimate>, Estimate) {
-        let load = (shown.per_grip / shown.indentation_gain).max(1e-6);
-        let (log_load, log_grip) = (libm::log(load), libm::log(shown.grip_n.max(0.1)));
+    pub fn see(&mut self, sample: &FrictionSample, used: Estimate) -> (Option<Estimate>, Estimate) {
+        let load = (sample.per_grip / sample.indentation_gain).max(1e-6);
+        let (log_load, log_grip) = (libm::log(load), libm::log(sample.grip_n.max(0.1)));
         self.last_log_load_grip = Some((log_load, log_grip));
         let most_log_grip = self.most_log_grip.map_or(log_grip, |most| most.max(log_grip));
         self.most_log_grip = Some(most_log_grip);
         let grip_fallen = (most_log_grip - log_grip - GRIP_FALLEN_LOG).max(0.0);
         let left_log_sd = GRIP_FALLEN_LOG_SD * grip_fallen * (GRIP_FALLEN_PER_GRIP / load).min(1.0);
-        let log_load_n = libm::log((shown.per_grip * shown.grip_n).max(1e-6));
+        let log_load_n = libm::log((sample.per_grip * sample.grip_n).max(1e-6));
         let most_log_load_n = self.most_log_load_n.map_or(log_load_n, |most| most.max(log_load_n));
         self.most_log_load_n = Some(most_log_load_n);
         let load_fallen =
-            if shown.imprint_slides { 0.0 } else { (most_log_load_n - log_load_n - LOAD_FALLEN_LOG).max(0.0) };
-        let log_used_sd = libm::hypot(shown.log_used_sd, libm::hypot(left_log_sd, LOAD_FALLEN_LOG_SD * load_fallen));
+            if sample.imprint_slides { 0.0 } else { (most_log_load_n - log_load_n - LOAD_FALLEN_LOG).max(0.0) };
+        let log_used_sd = libm::hypot(sample.log_used_sd, libm::hypot(left_log_sd, LOAD_FALLEN_LOG_SD * load_fallen));
         let (log_used, used) = lean(log_load, log_used_sd, used);
-        let elapsed_s = self.seen_s.map(|seen_s| shown.at_s - seen_s).filter(|s| *s > 0.0).unwrap_or(FRAME_S);
-        (self.now_s, self.seen_s) = (shown.at_s, Some(shown.at_s));
+        let elapsed_s = self.seen_s.map(|seen_s| sample.at_s - seen_s).filter(|s| *s > 0.0).unwrap_or(FRAME_S);
+        (self.now_s, self.seen_s) = (sample.at_s, Some(sample.at_s));
         let seen = self.regripped_s.map(|regripped_s| ((self.now_s - regripped_s) / REGRIPPED_S).clamp(0.0, 1.0));
         let seen = seen.or(Some(1.0).filter(|_| (grip_fallen > 0.0 || load_fallen > 0.0) && self.information > 0.0));
         // A frame without new motion gives no new information.
         if used.age_frames == 0 {
             let own = if self.is_independent(log_load) { 1.0 } else { (elapsed_s / CORRELATION_S).min(1.0) };
             let share = own * seen.map_or(1.0, |seen| REGRIPPED_SHARE * seen);
-            let log_sd = libm::hypot(log_used_sd, LOAD_NOISE_PER_GRIP / shown.per_grip.max(1e-6));
+            let log_sd = libm::hypot(log_used_sd, LOAD_NOISE_PER_GRIP / sample.per_grip.max(1e-6));
             self.take(log_load - log_used, log_sd, share, log_grip);
         }
         let information = self.information_at(log_grip);

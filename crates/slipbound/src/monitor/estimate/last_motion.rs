@@ -19,11 +19,11 @@ const ALONE_FRACTION: f64 = 0.25;
 /// Estimates of the trees at the last motion.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct LastMotion {
-    then: Option<Then>,
+    then: Option<LastEstimate>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Then {
+struct LastEstimate {
     prediction: Prediction,
     load: f64,
     rigid_px: f64,
@@ -32,7 +32,7 @@ struct Then {
 
 /// The estimates at a frame.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Carried {
+pub(super) struct HeldEstimate {
     pub prediction: Prediction,
     /// Frames since the last motion.
     pub age_frames: u32,
@@ -55,7 +55,7 @@ impl LastMotion {
 
     /// The estimates at this frame. `load`: over the grip force where that is known, in any unit; `floor_px`: noise
     /// floor of the motion.
-    pub fn see(&mut self, prediction: Prediction, load: f64, rigid_px: f64, floor_px: f64) -> Carried {
+    pub fn see(&mut self, prediction: Prediction, load: f64, rigid_px: f64, floor_px: f64) -> HeldEstimate {
         let Some(then) = &mut self.then else { return self.moves(prediction, load, rigid_px) };
         // The last estimate scaled with the load; after zero load there is no ratio.
         let grown = if then.load > 0.0 { load / then.load } else { 1.0 };
@@ -64,16 +64,16 @@ impl LastMotion {
         let changed = |share: f64| moved_px >= share * rigid_px + floor_px || grown >= share * load.max(then.load);
         if !changed(MOVED_FRACTION) {
             then.age_frames = then.age_frames.saturating_add(1);
-            return Carried { prediction: carried, age_frames: then.age_frames };
+            return HeldEstimate { prediction: carried, age_frames: then.age_frames };
         }
         let weight = if changed(ALONE_FRACTION) { 1.0 } else { NEWEST_WEIGHT };
         let prediction = Prediction { used: weight * prediction.used + (1.0 - weight) * carried.used, ..prediction };
         self.moves(prediction, load, rigid_px)
     }
 
-    fn moves(&mut self, prediction: Prediction, load: f64, rigid_px: f64) -> Carried {
-        self.then = Some(Then { prediction, load, rigid_px, age_frames: 0 });
-        Carried { prediction, age_frames: 0 }
+    fn moves(&mut self, prediction: Prediction, load: f64, rigid_px: f64) -> HeldEstimate {
+        self.then = Some(LastEstimate { prediction, load, rigid_px, age_frames: 0 });
+        HeldEstimate { prediction, age_frames: 0 }
     }
 }
 
@@ -94,14 +94,14 @@ mod tests {
         }
         // The object slides on: no marker moves, and the trees estimate a held load.
         for frame in 1..=50 {
-            let Carried { prediction: now, age_frames } = last.see(prediction(0.5, 0.6), 10.0, 10.0, 0.1);
+            let HeldEstimate { prediction: now, age_frames } = last.see(prediction(0.5, 0.6), 10.0, 10.0, 0.1);
             assert!(now.used > 0.83 && now.stick < 0.2, "{now:?}");
             assert_eq!(age_frames, frame, "known from the last motion");
         }
         let lighter = last.see(prediction(0.5, 0.6), 9.6, 9.9, 0.1).prediction;
         assert!((lighter.used - 0.96 * 0.87).abs() < 0.05, "a little less load: {lighter:?}");
         // A new motion.
-        let Carried { prediction: moved, age_frames } = last.see(prediction(0.3, 0.8), 5.0, 6.0, 0.1);
+        let HeldEstimate { prediction: moved, age_frames } = last.see(prediction(0.3, 0.8), 5.0, 6.0, 0.1);
         assert_eq!(age_frames, 0);
         assert!(moved.used < 0.4 && moved.stick > 0.4, "{moved:?}");
         let stiff = last.see(prediction(0.9, 0.1), 9.0, 6.0, 0.1).prediction;

@@ -69,7 +69,7 @@ pub(super) struct Reference {
     bases: Vec<Base>,
     /// Markers in ascending order of x at rest.
     by_x: Vec<u32>,
-    recent: Recent,
+    recent: DisplacementHistory,
     touched_s: f64,
     taken: bool,
     taken_grip_n: Option<f64>,
@@ -89,7 +89,7 @@ impl Reference {
         Reference {
             bases: vec![Base::default(); markers.len()],
             by_x,
-            recent: Recent::new(markers.len()),
+            recent: DisplacementHistory::new(markers.len()),
             touched_s: 0.0,
             taken: false,
             taken_grip_n: None,
@@ -264,7 +264,7 @@ impl Reference {
 
 /// Displacements of the markers from rest in the last tenth of a second.
 #[derive(Debug, Clone, Default)]
-struct Recent {
+struct DisplacementHistory {
     /// Displacements, px, and their time; the oldest is overwritten.
     kept: [(Vec<Vec2>, f64); RECENT_COUNT],
     next: usize,
@@ -277,9 +277,12 @@ const RECENT_APART_S: f64 = 0.024;
 /// Age at which the squeeze of a settled contact is taken, s: the middle of the steady window.
 const BEFORE_S: f64 = 0.09;
 
-impl Recent {
+impl DisplacementHistory {
     fn new(markers_count: usize) -> Self {
-        Recent { kept: std::array::from_fn(|_| (vec![Vec2::ZERO; markers_count], f64::NEG_INFINITY)), next: 0 }
+        DisplacementHistory {
+            kept: std::array::from_fn(|_| (vec![Vec2::ZERO; markers_count], f64::NEG_INFINITY)),
+            next: 0,
+        }
     }
 
     fn clear(&mut self) {

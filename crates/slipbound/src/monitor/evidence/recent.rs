@@ -20,7 +20,7 @@ const LEAST_PITCH: f64 = 0.013;
 
 /// Motion over a window.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(in crate::monitor) struct Moved {
+pub(in crate::monitor) struct WindowMotion {
     /// Motion of the imprint over the gel, pitches in the whole window.
     pub over_pitch: f64,
     /// Motion of the gel in that direction, divided by it.
@@ -33,7 +33,7 @@ pub(in crate::monitor) struct Moved {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(in crate::monitor) struct Recent {
     /// By window.
-    pub windows: [Moved; WINDOWS_S.len()],
+    pub windows: [WindowMotion; WINDOWS_S.len()],
     /// Shear of the gel since the reference, pitches.
     pub sheared_pitch: f64,
     /// Speed of the imprint over its last 0.13 pitch, pitches/s; 0 where that took longer than the look-back.
@@ -93,7 +93,7 @@ impl RecentMotion {
         self.count.min(MOST_COUNT) - 1
     }
 
-    fn moved(&self, now: &Step, window_s: f64) -> Moved {
+    fn moved(&self, now: &Step, window_s: f64) -> WindowMotion {
         let off_s = |back: usize| (now.at_s - self.back(1 + back).at_s - window_s).abs();
         let known = self.known_before();
         let mut back = known.min(1);
@@ -103,13 +103,13 @@ impl RecentMotion {
         let then = self.back(1 + back);
         let elapsed_s = now.at_s - then.at_s;
         if elapsed_s <= 0.0 {
-            return Moved::default();
+            return WindowMotion::default();
         }
         // The motion of a contact younger than the window is not extrapolated.
         let is_young = back == known && elapsed_s < window_s;
         let whole = if is_young { 1.0 } else { window_s / elapsed_s } / self.pitch_px;
         let (over, gel) = (minus(now.over_gel, then.over_gel), minus(now.of_gel, then.of_gel));
-        Moved {
+        WindowMotion {
             over_pitch: whole * length(over),
             carried_fraction: self.carried(over, gel),
             gel_pitch: whole * length(gel),
@@ -189,8 +189,8 @@ mod tests {
             stands = motion.take([5.0, 0.0, 0.0], [9.0, 0.0, 0.0], Some(frame * 10_000_000));
         }
         assert_eq!((stands.pace_pitch_per_s, stands.pace_carried_fraction), (0.0, 1.0));
-        assert_eq!(stands.windows, [Moved::default(); WINDOWS_S.len()]);
+        assert_eq!(stands.windows, [WindowMotion::default(); WINDOWS_S.len()]);
         motion.restart();
-        assert_eq!(motion.take([9.0; 3], [0.0; 3], None).windows, [Moved::default(); WINDOWS_S.len()]);
+        assert_eq!(motion.take([9.0; 3], [0.0; 3], None).windows, [WindowMotion::default(); WINDOWS_S.len()]);
     }
 }

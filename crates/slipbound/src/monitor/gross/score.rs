@@ -57,13 +57,13 @@ impl ScoreWatch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::monitor::evidence::Moved;
+    use crate::monitor::evidence::WindowMotion;
 
     /// Verdicts on frames at 30 Hz, (score, motion of the imprint within 67 ms, pitches) each.
     fn said(frames: &[(f64, f64)]) -> Vec<bool> {
         let mut watch = ScoreWatch::new();
         let mut see = |(frame, &(score, over_pitch)): (usize, &(f64, f64))| {
-            let moved = Moved { over_pitch, ..Moved::default() };
+            let moved = WindowMotion { over_pitch, ..WindowMotion::default() };
             watch.see(frame as f64 / 30.0, score, Some(&Recent { windows: [moved; 4], ..Recent::default() }))
         };
         frames.iter().enumerate().map(&mut see).collect()

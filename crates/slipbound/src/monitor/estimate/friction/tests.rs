@@ -7,8 +7,8 @@ fn used(value: f64) -> Estimate {
 }
 
 /// A frame of this load, and the standard deviation of its log used fraction.
-fn shown(per_grip: f64, grip_n: f64, log_used_sd: f64) -> Shown {
-    Shown { at_s: 0.0, per_grip, grip_n, indentation_gain: 1.0, imprint_slides: false, log_used_sd }
+fn shown(per_grip: f64, grip_n: f64, log_used_sd: f64) -> FrictionSample {
+    FrictionSample { at_s: 0.0, per_grip, grip_n, indentation_gain: 1.0, imprint_slides: false, log_used_sd }
 }
 
 /// Loaded up to a used fraction of 0.8 at 10 N.
@@ -22,7 +22,7 @@ fn loaded(mu: f64) -> Friction {
 }
 
 /// Friction after a frame with this used fraction.
-fn told(friction: &mut Friction, shown: &Shown, fraction: f64) -> f64 {
+fn told(friction: &mut Friction, shown: &FrictionSample, fraction: f64) -> f64 {
     friction.see(shown, used(fraction)).0.expect("told").value
 }
 
@@ -55,7 +55,7 @@ fn it_is_load_over_grip_over_what_is_used_of_it_and_who_knows_it_better_counts_f
     let by_and_by = after(&by_and_by).expect("told");
     assert!(by_and_by.sd < 0.22 * by_and_by.value, "so does every third of a load that grows slowly: {by_and_by:?}");
     let mut deep_friction = Friction::default();
-    let deep = Shown { indentation_gain: 1.25, ..shown(0.5, 10.0, 0.1) };
+    let deep = FrictionSample { indentation_gain: 1.25, ..shown(0.5, 10.0, 0.1) };
     let deep = (0..60).filter_map(|_| deep_friction.see(&deep, used(0.5)).0).last().expect("frames");
     assert!((deep.value - 0.76).abs() < 0.03, "{deep:?}");
 }
@@ -130,7 +130,7 @@ fn what_holds_a_load_has_the_friction_for_it() {
     assert!(held >= 0.85, "{held}");
     let after = told(&mut friction, &shown(0.2, 10.0, 0.2), 0.5);
     assert!((after - 0.4).abs() < 0.07, "a reading that was half of the grip is forgotten: {after}");
-    let indented = told(&mut loaded(0.4), &Shown { indentation_gain: 1.5, ..shown(0.9, 10.0, 0.2) }, 0.6);
+    let indented = told(&mut loaded(0.4), &FrictionSample { indentation_gain: 1.5, ..shown(0.9, 10.0, 0.2) }, 0.6);
     assert!((0.56..0.65).contains(&indented), "the far side bears a third of it: {indented}");
 }
 
@@ -144,10 +144,10 @@ fn right_after_a_regrip_a_frame_says_nothing_and_soon_it_counts_beside_what_was_
     let told = told.expect("told");
     assert!((told.value - 0.5).abs() < 0.04, "{told:?}");
     assert!((now.sd / now.value - told.sd / told.value).abs() < 1e-9, "as sure as the friction: {now:?} {told:?}");
-    let later = Shown { at_s: 0.3, ..shown(0.3, 12.0, 0.3) };
+    let later = FrictionSample { at_s: 0.3, ..shown(0.3, 12.0, 0.3) };
     let now = friction.see(&later, used(0.3)).1;
     assert!((0.35..0.58).contains(&now.value) && now.sd < 0.1, "between both, and surer than each: {now:?}");
-    let sure = friction.see(&Shown { at_s: 0.3, ..shown(0.3, 12.0, 0.01) }, used(0.9)).1;
+    let sure = friction.see(&FrictionSample { at_s: 0.3, ..shown(0.3, 12.0, 0.01) }, used(0.9)).1;
     assert!((sure.value - 0.9).abs() < 0.02, "what a frame is sure of counts: {sure:?}");
 }
 
@@ -157,7 +157,7 @@ fn a_second_tells_as_much_at_every_frame_rate() {
         let mut friction = Friction::default();
         let frames = (0..frames_per_s).map(|i| {
             let at_s = f64::from(i) / f64::from(frames_per_s);
-            friction.see(&Shown { at_s, ..shown(0.2, 20.0, 0.4) }, used(0.5)).0
+            friction.see(&FrictionSample { at_s, ..shown(0.2, 20.0, 0.4) }, used(0.5)).0
         });
         frames.last().flatten().expect("told")
     };
@@ -173,7 +173,7 @@ fn a_hand_that_opens_tells_of_no_friction_that_there_is_not() {
     let mut friction = Friction::default();
     let frames = (0..60).map(|i| {
         let grip_n = if i < 45 { 20.0 } else { 0.1 };
-        let shown = Shown { at_s: f64::from(i) / 30.0, ..shown(2.0 / grip_n, grip_n, 0.3) };
+        let shown = FrictionSample { at_s: f64::from(i) / 30.0, ..shown(2.0 / grip_n, grip_n, 0.3) };
         friction.see(&shown, used(0.5)).0
     });
     let most = frames.flatten().map(|told| told.value).fold(0.0, f64::max);
@@ -188,10 +188,10 @@ fn what_letting_go_leaves_in_the_field_is_not_taken_for_slip() {
     for _ in 0..60 {
         friction.see(&shown(0.06, 60.0, 0.2), used(0.1));
     }
-    let (_, carried) = { friction }.see(&Shown { at_s: 1.0, ..shown(0.55, 6.0, 0.2) }, used(0.5));
+    let (_, carried) = { friction }.see(&FrictionSample { at_s: 1.0, ..shown(0.55, 6.0, 0.2) }, used(0.5));
     assert!(carried.value > 0.55, "a load that is still carried leaves what was known counted, too: {carried:?}");
     let let_go = |friction: &mut Friction, per_grip, grip_n, fraction| {
-        let shown = Shown { at_s: 1.0, ..shown(per_grip, grip_n, 0.2) };
+        let shown = FrictionSample { at_s: 1.0, ..shown(per_grip, grip_n, 0.2) };
         let frames = (0..90).map(|_| friction.see(&shown, used(fraction)));
         frames.last().map(|(told, used)| (told.expect("told").value, used.value)).expect("frames")
     };
@@ -227,11 +227,11 @@ fn what_a_larger_load_has_left_at_the_rim_is_not_taken_for_slip_of_a_smaller_one
     assert!((later.value - 0.75).abs() < 1e-9, "nearly as much as before is as good as any: {later:?}");
     let mut sliding = loaded(0.8);
     sliding.see(&shown(0.64, 10.0, 0.1), used(0.8));
-    let falls = Shown { imprint_slides: true, ..shown(0.32, 10.0, 0.2) };
+    let falls = FrictionSample { imprint_slides: true, ..shown(0.32, 10.0, 0.2) };
     assert!((sliding.see(&falls, used(0.95)).1.value - 0.95).abs() < 1e-9, "it slides, and its load falls with that");
     // After a regrip nothing of it is left.
     friction.regripped();
-    let anew = Shown { at_s: 1.0, ..shown(0.32, 12.0, 0.02) };
+    let anew = FrictionSample { at_s: 1.0, ..shown(0.32, 12.0, 0.02) };
     assert!((friction.see(&anew, used(0.75)).1.value - 0.75).abs() < 0.02);
     // Without information on the contact, the prior.
     let mut friction = Friction::default();
@@ -255,7 +255,7 @@ fn the_load_that_slides_tells_the_friction_whatever_frames_said() {
         for frame in 0..frames {
             let (per_grip, f) = if frame == 0 { (0.3, 0.5) } else { (0.2, 0.6) };
             let at_s = period_s * f64::from(frame);
-            friction.see(&Shown { at_s, imprint_slides: true, ..shown(per_grip, 5.0, 0.4) }, used(f));
+            friction.see(&FrictionSample { at_s, imprint_slides: true, ..shown(per_grip, 5.0, 0.4) }, used(f));
             friction.set_slides(true);
         }
         friction
@@ -275,7 +275,7 @@ fn the_load_that_slides_tells_the_friction_whatever_frames_said() {
     }
     let mut twice = slid(2, 1.0 / 30.0);
     twice.set_slides(false);
-    twice.see(&Shown { at_s: 0.1, ..shown(0.2, 5.0, 0.2) }, used(0.5));
+    twice.see(&FrictionSample { at_s: 0.1, ..shown(0.2, 5.0, 0.2) }, used(0.5));
     twice.set_slides(true);
     assert!(told(twice).0 > 0.45, "each counts from its own beginning");
 }
