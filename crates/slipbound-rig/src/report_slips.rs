@@ -4,7 +4,7 @@
 //! its number is the same in the terminal and on the page. Unknown values are null.
 
 use serde::Serialize;
-use slipbound::events::{Episode, Sign, SlipEpisodes};
+use slipbound::events::{Episode, SlipEpisodes, SlipObservation};
 use slipbound::monitor::{SlipKind, SlipReport, SlipState};
 use std::io::{self, Write};
 
@@ -58,8 +58,8 @@ impl<W: Write> ReportSlips<W> {
 
     /// Takes the report of a frame; writes the slip that it ends.
     pub fn frame(&mut self, report: &SlipReport) -> io::Result<()> {
-        let sign = Sign::of_finger(report);
-        let change = self.episodes.see(&sign);
+        let observation = SlipObservation::of_finger(report);
+        let change = self.episodes.see(&observation);
         if let Some(ended) = change.ended {
             self.write(&ended, false)?;
         }
@@ -68,7 +68,7 @@ impl<W: Write> ReportSlips<W> {
             let (kind, direction_rad) = (slip.kind, slip.direction_rad);
             self.running = Some(Extremes { kind, direction_rad, max_pitch: 0.0, max_mm: None, gross: false });
         }
-        if let Some(running) = self.running.as_mut().filter(|_| sign.slips) {
+        if let Some(running) = self.running.as_mut().filter(|_| observation.slips) {
             running.max_pitch = running.max_pitch.max(slip.max_pitch);
             running.max_mm = slip.max_mm.map(|mm| running.max_mm.map_or(mm, |most| most.max(mm))).or(running.max_mm);
             running.gross |= report.state == SlipState::Gross;
@@ -91,10 +91,10 @@ impl<W: Write> ReportSlips<W> {
         let line = Line {
             slip: ended.number,
             finger: &self.finger,
-            first_seq: ended.first.0,
-            first_time_ns: ended.first.1,
-            last_seq: ended.last.0,
-            last_time_ns: ended.last.1,
+            first_seq: ended.first.seq,
+            first_time_ns: ended.first.time_ns,
+            last_seq: ended.last.seq,
+            last_time_ns: ended.last.time_ns,
             frames_count: ended.frames_count,
             kind,
             direction_rad,

@@ -27,7 +27,7 @@ pub use error::ControlError;
 pub use fault::{Fault, FaultKind};
 pub use observer::{CycleObserver, CycleView};
 
-use crate::events::{Sign, SlipEpisodes};
+use crate::events::{SlipEpisodes, SlipObservation};
 use crate::finger_pipeline::{FingerPipeline, FingerView, MonitorRunner, Sequential};
 use crate::grip::{ForceSense, GripController};
 use crate::hand::{FINGERS_MOST, Hand, Mounting};
@@ -210,7 +210,7 @@ impl ControlLoop {
             return Ok(CycleOutcome::AtRest);
         }
         let hand = self.hand.report(now_ns);
-        self.slips.see(&Sign::of_hand(now_ns, &hand));
+        self.slips.see(&SlipObservation::of_hand(now_ns, &hand));
         let sensed = sensed.unwrap_or(state);
         let step = self.task.step(&Observation { now_ns, hand: &hand, gripper: &sensed, wrist: &wrist_state });
         let shortfall = self.shortfall.check(now_ns, &sensed, &step);

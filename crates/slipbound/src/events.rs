@@ -21,7 +21,7 @@ const QUIET_FRAMES_COUNT: u64 = 6;
 
 /// Whether one frame or one cycle shows slip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Sign {
+pub struct SlipObservation {
     /// Number of the frame.
     pub seq: u64,
     /// Its time, ns; None where it is not known.
@@ -32,21 +32,30 @@ pub struct Sign {
     pub contact_lost: bool,
 }
 
-impl Sign {
+impl SlipObservation {
     /// From the report of a finger.
     pub fn of_finger(report: &SlipReport) -> Self {
-        Sign { seq: report.seq, time_ns: report.time_ns, ..Sign::of_state(report.state) }
+        SlipObservation { seq: report.seq, time_ns: report.time_ns, ..Self::of_state(report.state) }
     }
 
     /// From the report of the hand in a cycle.
     pub fn of_hand(now_ns: u64, hand: &HandReport) -> Self {
-        Sign { seq: hand.seq, time_ns: Some(now_ns), ..Sign::of_state(hand.state) }
+        SlipObservation { seq: hand.seq, time_ns: Some(now_ns), ..Self::of_state(hand.state) }
     }
 
     fn of_state(state: SlipState) -> Self {
         let slips = state.is_slip();
-        Sign { seq: 0, time_ns: None, slips, contact_lost: state == SlipState::NoContact }
+        SlipObservation { seq: 0, time_ns: None, slips, contact_lost: state == SlipState::NoContact }
     }
+}
+
+/// A frame by number and time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameStamp {
+    /// Number of the frame.
+    pub seq: u64,
+    /// Its time, ns; None where it is not known.
+    pub time_ns: Option<u64>,
 }
 
 /// A slip from the first sign of it to the last.
@@ -54,24 +63,24 @@ impl Sign {
 pub struct Episode {
     /// Its number, from 1.
     pub number: u32,
-    /// Number and time of the first frame that showed it.
-    pub first: (u64, Option<u64>),
-    /// Number and time of the last frame that showed it.
-    pub last: (u64, Option<u64>),
+    /// The first frame that showed it.
+    pub first: FrameStamp,
+    /// The last frame that showed it.
+    pub last: FrameStamp,
     /// Frames that showed it.
     pub frames_count: u32,
 }
 
-/// The slips that a sign ends and begins.
+/// The slips that an observation ends and begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Change {
+pub struct EpisodeChange {
     /// The slip that is over.
     pub ended: Option<Episode>,
     /// The slip that begins.
     pub began: Option<Episode>,
 }
 
-/// Folds signs into episodes.
+/// Folds observations into episodes.
 #[derive(Debug, Clone, Default)]
 pub struct SlipEpisodes {
     running: Option<Episode>,
@@ -84,16 +93,16 @@ impl SlipEpisodes {
         self.count
     }
 
-    /// Takes the next sign; returns what it ends and begins.
-    pub fn see(&mut self, sign: &Sign) -> Change {
-        let mut change = Change::default();
-        if self.running.is_some_and(|running| sign.contact_lost || is_over(&running, sign)) {
+    /// Takes the next observation; returns what it ends and begins.
+    pub fn see(&mut self, observation: &SlipObservation) -> EpisodeChange {
+        let mut change = EpisodeChange::default();
+        if self.running.is_some_and(|running| observation.contact_lost || is_over(&running, observation)) {
             change.ended = self.running.take();
         }
-        if !sign.slips {
+        if !observation.slips {
             return change;
         }
-        let now = (sign.seq, sign.time_ns);
+        let now = FrameStamp { seq: observation.seq, time_ns: observation.time_ns };
         match &mut self.running {
             Some(running) => {
                 running.last = now;
@@ -114,12 +123,12 @@ impl SlipEpisodes {
     }
 }
 
-/// Whether a slip with this last sign is over by the time of `sign`.
-fn is_over(running: &Episode, sign: &Sign) -> bool {
-    match (running.last.1, sign.time_ns) {
+/// Whether a slip with this last sign is over by the time of `observation`.
+fn is_over(running: &Episode, observation: &SlipObservation) -> bool {
+    match (running.last.time_ns, observation.time_ns) {
         // A clock that was set back counts, too.
         (Some(last_ns), Some(now_ns)) => now_ns.abs_diff(last_ns) >= QUIET_NS,
-        _ => sign.seq.saturating_sub(running.last.0) >= QUIET_FRAMES_COUNT,
+        _ => observation.seq.saturating_sub(running.last.seq) >= QUIET_FRAMES_COUNT,
     }
 }
 
@@ -169,7 +178,7 @@ impl SlipEvents {
 
     /// Takes the next report; returns what it ends and what it begins, in this order.
     pub fn see(&mut self, report: &SlipReport) -> impl Iterator<Item = SlipEvent> + use<> {
-        let change = self.episodes.see(&Sign::of_finger(report));
+        let change = self.episodes.see(&SlipObservation::of_finger(report));
         let begins = change.began.map(|slip| SlipEvent::Begins {
             slip: slip.number,
             seq: report.seq,
@@ -187,6 +196,6 @@ impl SlipEvents {
 }
 
 fn ends(slip: Episode, ongoing: bool) -> SlipEvent {
-    let (seq, time_ns) = slip.last;
+    let FrameStamp { seq, time_ns } = slip.last;
     SlipEvent::Ends { slip: slip.number, seq, time_ns, frames_count: slip.frames_count, ongoing }
 }

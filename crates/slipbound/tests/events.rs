@@ -6,7 +6,7 @@
 
 mod synthetic;
 
-use slipbound::events::{Sign, SlipEpisodes, SlipEvent, SlipEvents};
+use slipbound::events::{SlipEpisodes, SlipEvent, SlipEvents, SlipObservation};
 use slipbound::monitor::{ContactReport, Estimates, MarkerCounts, SlipKind, SlipReport, SlipState, SlipSummary};
 use synthetic::hand;
 
@@ -18,7 +18,8 @@ fn slips_in(row: &str, has_times: bool) -> String {
     let (mut episodes, mut now) = (SlipEpisodes::default(), '.');
     let drawn = row.chars().enumerate().map(|(i, shown)| {
         let time_ns = has_times.then_some(i as u64 * PERIOD_NS);
-        let change = episodes.see(&Sign { seq: i as u64, time_ns, slips: shown == 'x', contact_lost: shown == 'o' });
+        let change =
+            episodes.see(&SlipObservation { seq: i as u64, time_ns, slips: shown == 'x', contact_lost: shown == 'o' });
         if change.ended.is_some() {
             now = '.';
         }
@@ -105,7 +106,7 @@ fn the_lines_of_a_recording_name_the_first_and_the_last_frame_of_each_slip() {
 fn a_slip_after_a_clock_was_set_back_is_another_one() {
     let mut episodes = SlipEpisodes::default();
     let mut see = |time_ns, slips| {
-        episodes.see(&Sign { seq: 0, time_ns: Some(time_ns), slips, contact_lost: false });
+        episodes.see(&SlipObservation { seq: 0, time_ns: Some(time_ns), slips, contact_lost: false });
         episodes.count()
     };
     assert_eq!(see(100 * PERIOD_NS, true), 1);
@@ -119,9 +120,9 @@ fn a_hand_counts_slips_by_the_clock_of_the_loop() {
     // The fingers' frames have no times; the loop's cycles do.
     for (i, shown) in "xx....xx...x".chars().enumerate() {
         let state = if shown == 'x' { SlipState::Gross } else { SlipState::Stick };
-        let sign = Sign::of_hand(i as u64 * PERIOD_NS, &hand(state));
-        assert_eq!((sign.seq, sign.time_ns), (1, Some(i as u64 * PERIOD_NS)));
-        episodes.see(&sign);
+        let observation = SlipObservation::of_hand(i as u64 * PERIOD_NS, &hand(state));
+        assert_eq!((observation.seq, observation.time_ns), (1, Some(i as u64 * PERIOD_NS)));
+        episodes.see(&observation);
     }
     assert_eq!(episodes.count(), 3);
 }

@@ -3,7 +3,7 @@
 use super::Row;
 use serde::{Deserialize, Serialize};
 use slipbound::control::Cycle;
-use slipbound::events::{Episode, Sign, SlipEpisodes};
+use slipbound::events::{Episode, SlipEpisodes, SlipObservation};
 use slipbound::hand::{HandSlip, HandVector, Health};
 use slipbound::monitor::SlipState;
 use slipbound::port::GripCommand;
@@ -152,7 +152,7 @@ impl EventLog {
     }
 
     fn slips(&mut self, cycle: &Cycle, events: &mut Vec<Event>) {
-        let change = self.slips.see(&Sign::of_hand(cycle.time_ns, &cycle.hand));
+        let change = self.slips.see(&SlipObservation::of_hand(cycle.time_ns, &cycle.hand));
         // The number is the loop's own: a queue may have lost cycles before this one.
         events.extend(change.ended.map(|slip| ends(&slip, self.slips_count())));
         if change.began.is_some() {
@@ -170,7 +170,8 @@ impl EventLog {
 }
 
 fn ends(slip: &Episode, number: u32) -> Event {
-    let lasted_ns = slip.last.1.zip(slip.first.1).map_or(0, |(last_ns, first_ns)| last_ns.saturating_sub(first_ns));
+    let lasted_ns =
+        slip.last.time_ns.zip(slip.first.time_ns).map_or(0, |(last_ns, first_ns)| last_ns.saturating_sub(first_ns));
     Event::SlipEnds { slip: number, lasted_ns }
 }
 

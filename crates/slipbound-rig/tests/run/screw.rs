@@ -1,7 +1,7 @@
 //! A made-up run: a cap is screwed on for 10 s, and slips four times. No physics, only plausible numbers.
 
 use slipbound::control::Cycle;
-use slipbound::events::{Sign, SlipEpisodes};
+use slipbound::events::{SlipEpisodes, SlipObservation};
 use slipbound::hand::{FINGERS_MOST, HandReport, HandSlip, HandVector, Health, Mounting, Side};
 use slipbound::monitor::{Settings, SlipState};
 use slipbound::plant::PlantTruth;
@@ -40,7 +40,7 @@ pub fn finger(name: &str, side: Side) -> FingerInfo {
 pub fn numbered(mut cycles: Vec<Cycle>) -> Vec<Cycle> {
     let mut slips = SlipEpisodes::default();
     for cycle in &mut cycles {
-        slips.see(&Sign::of_hand(cycle.time_ns, &cycle.hand));
+        slips.see(&SlipObservation::of_hand(cycle.time_ns, &cycle.hand));
         cycle.slips_count = slips.count();
     }
     cycles

@@ -12,7 +12,7 @@ mod plant;
 mod snapshot;
 
 use plant::{Finger, Frame, Load, Noise, Plant, STIFFNESS_MPA_PER_MM};
-use slipbound::events::{Sign, SlipEpisodes, SlipEvents};
+use slipbound::events::{Episode, EpisodeChange, SlipEpisodes, SlipEvents, SlipObservation};
 use slipbound::grip::{ForceSense, GripController};
 use slipbound::hand::{Hand, HandReport, Health, Mounting, Side};
 use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion};
@@ -113,13 +113,14 @@ impl Case {
                 }
             }
             let report = hand.report(now_ns);
-            let change = episodes.see(&Sign::of_hand(now_ns, &report));
+            let change = episodes.see(&SlipObservation::of_hand(now_ns, &report));
             let gripper = sense.see(now_ns, &state, true);
             let step = task.step(&Observation { now_ns, hand: &report, gripper: &gripper, wrist: &wrist });
             let guard = task.grip();
             let law = (guard.margin(), guard.alarms_count(), guard.wants_more(), guard.is_blind(), guard.force_n());
             let still = sense.is_still();
-            sum.add(format!("{report:?}{change:?}{gripper:?}{still}{step:?}{law:?}{:?}", task.missing()).as_bytes());
+            let change = text_of(&change);
+            sum.add(format!("{report:?}{change}{gripper:?}{still}{step:?}{law:?}{:?}", task.missing()).as_bytes());
             self.plant.command(step.grip, step.wrist);
             let now = (step.phase, Shown { report, gripper, step, still, slips_count: episodes.count() });
             let is_new = last.as_ref().is_none_or(|(phase, before)| {
@@ -396,4 +397,16 @@ fn readings_of_a_force() {
         }
     }
     snapshot::check("cycles/force.txt", &text);
+}
+
+/// The slips that a cycle ends and begins, for the checksums: as they were first kept, whatever the types are called.
+fn text_of(change: &EpisodeChange) -> String {
+    let slip = |slip: Option<Episode>| {
+        slip.map_or("None".into(), |Episode { number, first, last, frames_count }| {
+            let (first, last) = ((first.seq, first.time_ns), (last.seq, last.time_ns));
+            let frames = format!("first: {first:?}, last: {last:?}, frames_count: {frames_count}");
+            format!("Some(Episode {{ number: {number}, {frames} }})")
+        })
+    };
+    format!("Change {{ ended: {}, began: {} }}", slip(change.ended), slip(change.began))
 }
