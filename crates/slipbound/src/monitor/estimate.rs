@@ -22,6 +22,7 @@ mod last_motion;
 mod load;
 mod prediction;
 mod reference;
+mod rigid_fit;
 mod window;
 
 pub use features::{FEATURE_NAMES, FEATURES_COUNT, Features, GEOMETRIC_COUNT};
@@ -32,7 +33,7 @@ use crate::monitor::report::{Estimate, Estimates, Marker};
 use crate::plane::{RigidMotion, Vec2};
 use crate::port::GripSample;
 use crate::sensor::Sensor;
-use field::{FieldFacts, FieldMeasures, Point};
+use field::{FieldFacts, FieldMeasures};
 use friction::{Friction, FrictionSample, half_width_px, indentation_gain};
 use grip::Grip;
 use last_motion::{HeldEstimate, LastMotion};
@@ -40,6 +41,7 @@ use load::{Load, Middle};
 pub use prediction::EstimateTrees;
 use prediction::{MAX_USED, Trees};
 use reference::{Reference, Regrip};
+use rigid_fit::Point;
 use std::sync::Arc;
 use window::{Sample, Stretches, Window};
 
@@ -328,7 +330,7 @@ impl Estimator {
     /// The motion of the markers that stick, about the middle of the contact, and from it the rigid displacement of
     /// each point; None where it cannot be fitted.
     fn fit_motion(&mut self, elapsed_s: f64, growth: f64, markers: &[Marker]) -> Option<RigidMotion> {
-        let fitted = field::fit(&self.points, self.motion.as_ref(), self.pitch_px)?;
+        let fitted = rigid_fit::fit(&self.points, self.motion.as_ref(), self.pitch_px)?;
         let middle = self.points.iter().fold(Vec2::ZERO, |sum, q| sum + q.rest) / self.points.len() as f64;
         let motion = RigidMotion { reference: middle, translation: fitted.displacement(middle), ..fitted };
         let tabulated = motion.tabulated();

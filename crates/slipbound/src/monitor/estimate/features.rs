@@ -62,11 +62,32 @@ pub const FEATURE_NAMES: [&str; FEATURES_COUNT] = [
     "hidden",
 ];
 
-/// Indices of some of them.
+/// Their indices.
+pub(in crate::monitor) const RESIDUAL_OVER_RIGID: usize = 0;
+pub(in crate::monitor) const RIM_OVER_CENTRE: usize = 1;
+pub(in crate::monitor) const OVER_FRACTION: usize = 2;
+pub(in crate::monitor) const SECANT: usize = 3;
+pub(in crate::monitor) const WORK_LOST: usize = 4;
+pub(in crate::monitor) const TANGENT: usize = 5;
+pub(in crate::monitor) const SOFTENING: usize = 6;
+pub(in crate::monitor) const Q25: usize = 7;
+pub(in crate::monitor) const Q50: usize = 8;
+pub(in crate::monitor) const Q75: usize = 9;
+pub(in crate::monitor) const Q90: usize = 10;
+pub(in crate::monitor) const NOISE: usize = 11;
+pub(in crate::monitor) const CUT: usize = 12;
+pub(in crate::monitor) const STICKING: usize = 13;
+pub(in crate::monitor) const SLOPE: usize = 14;
 pub(in crate::monitor) const TURNING: usize = 15;
 pub(in crate::monitor) const NARROW: usize = 16;
 pub(in crate::monitor) const WIDE: usize = 17;
+pub(in crate::monitor) const OVER_TWENTIETH: usize = 18;
+pub(in crate::monitor) const MOVING: usize = 19;
 pub(in crate::monitor) const LOAD: usize = 20;
+pub(in crate::monitor) const MEAN_SHEAR: usize = 21;
+pub(in crate::monitor) const RESIDUAL_SHEAR: usize = 22;
+pub(in crate::monitor) const FAR_SHEAR: usize = 23;
+pub(in crate::monitor) const HIDDEN: usize = 24;
 
 /// Friction coefficient that makes the load dimensionless; a scale, not an estimate.
 pub(super) const SCALE_MU: f64 = 0.6;
@@ -79,7 +100,61 @@ mod tests {
     use super::*;
 
     #[test]
-    fn features_are_where_they_are_meant() {
-        assert_eq!([TURNING, NARROW, WIDE, LOAD].map(|at| FEATURE_NAMES[at]), ["turning", "narrow", "wide", "load"]);
+    fn every_feature_is_at_the_index_of_its_name() {
+        let indices = [
+            RESIDUAL_OVER_RIGID,
+            RIM_OVER_CENTRE,
+            OVER_FRACTION,
+            SECANT,
+            WORK_LOST,
+            TANGENT,
+            SOFTENING,
+            Q25,
+            Q50,
+            Q75,
+            Q90,
+            NOISE,
+            CUT,
+            STICKING,
+            SLOPE,
+            TURNING,
+            NARROW,
+            WIDE,
+            OVER_TWENTIETH,
+            MOVING,
+            LOAD,
+            MEAN_SHEAR,
+            RESIDUAL_SHEAR,
+            FAR_SHEAR,
+            HIDDEN,
+        ];
+        let named = [
+            "residual_over_rigid",
+            "rim_over_centre",
+            "over_fraction",
+            "secant",
+            "work_lost",
+            "tangent",
+            "softening",
+            "q25",
+            "q50",
+            "q75",
+            "q90",
+            "noise",
+            "cut",
+            "sticking",
+            "slope",
+            "turning",
+            "narrow",
+            "wide",
+            "over_twentieth",
+            "moving",
+            "load",
+            "mean_shear",
+            "residual_shear",
+            "far_shear",
+            "hidden",
+        ];
+        assert_eq!(indices.map(|at| FEATURE_NAMES[at]), named);
     }
 }

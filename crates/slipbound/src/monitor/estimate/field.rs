@@ -1,60 +1,20 @@
-//! The displacement field of a contact: its markers, the rigid motion of those that stick, and the features.
+//! The displacement field of a contact: its markers, the rigid motion of those that stick, and the load -> features.
+//!
+//! ```text
+//!   points, sorted by radius -+- residuals: how far markers lag behind the rigid motion
+//!                             +- shape: size, border, slope of the lag from the middle to the rim
+//!   motion, load -------------+- stiffness: load over motion, as a whole and of the last stretch
+//!   stiffness over grip ------+- loads: load and shear over what the grip could hold
+//! ```
 
-use super::features::{Features, SCALE_MU};
+use super::features::{
+    CUT, FAR_SHEAR, FEATURES_COUNT, Features, HIDDEN, LOAD, MEAN_SHEAR, MOVING, NARROW, NOISE, OVER_FRACTION,
+    OVER_TWENTIETH, Q25, Q50, Q75, Q90, RESIDUAL_OVER_RIGID, RESIDUAL_SHEAR, RIM_OVER_CENTRE, SCALE_MU, SECANT, SLOPE,
+    SOFTENING, STICKING, TANGENT, TURNING, WIDE, WORK_LOST,
+};
+use super::rigid_fit::Point;
 use super::window::{Sample, Stretches};
 use crate::plane::{RigidMotion, Vec2};
-
-/// A marker in contact.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Point {
-    /// Number of the marker.
-    pub id: u32,
-    /// Position at rest, px.
-    pub rest: Vec2,
-    /// Displacement under load, px.
-    pub displacement: Vec2,
-    /// Residual to the rigid motion when the marker joined the contact, px.
-    pub joined: Vec2,
-    /// Displacement of the rigid motion there, px.
-    pub rigid: Vec2,
-    /// Distance from the middle of the contact, px.
-    pub radius: f64,
-}
-
-impl Point {
-    /// Slip over the rigid motion, px.
-    pub fn residual(&self) -> Vec2 {
-        self.displacement - self.rigid - self.joined
-    }
-}
-
-/// Scales in pitches of the weights of the rigid fit, one a round: without a fit of the last frame, from wide to narrow,
-/// and with it, where the first round starts from its stick set.
-const FIRST_PITCH: [f64; 9] = [1.5, 1.0, 0.7, 0.5, 0.35, 0.25, 0.18, 0.13, 0.1];
-const NEXT_PITCH: [f64; 7] = [0.3, 0.5, 0.35, 0.25, 0.18, 0.13, 0.1];
-
-/// The rigid motion of the sticking markers, starting from that of the last frame: the stick set is carried over, so
-/// that a slipping rim does not bias the fit.
-pub(super) fn fit(points: &[Point], before: Option<&RigidMotion>, pitch_px: f64) -> Option<RigidMotion> {
-    let (mut motion, scales) = match before {
-        Some(before) => (*before, &NEXT_PITCH[..]),
-        None => (weighted(points, |_| 1.0)?, &FIRST_PITCH[..]),
-    };
-    for scale_pitch in scales {
-        let scale_squared = (scale_pitch * pitch_px) * (scale_pitch * pitch_px);
-        let last = motion.tabulated();
-        motion = weighted(points, |p| {
-            let off = p.displacement - p.joined - last.displacement(p.rest);
-            let t = 1.0 + off.length_squared() / scale_squared;
-            1.0 / (t * t)
-        })?;
-    }
-    Some(motion)
-}
-
-fn weighted(points: &[Point], weight: impl Fn(&Point) -> f64) -> Option<RigidMotion> {
-    crate::monitor::motion::fit_weighted(points.iter().map(|p| (p.rest, p.rest + p.displacement - p.joined, weight(p))))
-}
 
 /// Data of a frame that the features need besides the points.
 pub(super) struct FieldFacts {
@@ -79,8 +39,22 @@ pub(super) struct FieldFacts {
     pub stiffest_px2: f64,
 }
 
-/// Changes of the rigid motion below this many noise floors give no stiffness.
+/// Changes of the rigid motion below this many noise floors give no stiffness, nor does a motion below this many
+/// pitches.
 const LEAST_MOVE_FLOORS: f64 = 2.0;
+const MOVING_PITCH: f64 = 0.02;
+
+/// Slip over this share of the rigid displacement and this many pitches counts in `over_fraction`; slip over this many
+/// pitches in `over_twentieth`.
+const OVER_RIGID_FRACTION: f64 = 0.1;
+const OVER_PITCH: f64 = 0.03;
+const OVER_TWENTIETH_PITCH: f64 = 0.05;
+
+/// Square of the scale of the weights in `sticking`, pitches squared.
+const STICKING_PITCH2: f64 = 0.01;
+
+/// Noise floors added to the motion of which `turning` is a share.
+const TURNING_FLOORS: f64 = 0.5;
 
 /// The features, and quantities computed with them.
 pub(super) struct FieldMeasures {
@@ -110,100 +84,151 @@ pub(super) fn features(
     stretches: &mut Stretches,
     scratch: &mut [f64],
 ) -> FieldMeasures {
-    let (n, p) = (points.len() as f64, facts.pitch_px);
-    let floor = FLOOR_PITCH * p;
     points.sort_unstable_by(|a, b| a.radius.total_cmp(&b.radius));
-    let mean = |of: &dyn Fn(&Point) -> f64, points: &[Point]| points.iter().map(of).sum::<f64>() / points.len() as f64;
-    let share = |of: &dyn Fn(&Point) -> bool| points.iter().filter(|p| of(p)).count() as f64 / n;
-    let slip = |q: &Point| q.residual().length();
-    let relative = |q: &Point| slip(q) / (q.rigid.length() + floor);
-    let moved = |q: &Point| (q.displacement - q.joined).length();
+    let sums = Sums::of(points, FLOOR_PITCH * facts.pitch_px);
+    let load_px3 = libm::hypot(facts.force_px3.length(), facts.moment_px4 / sums.arm_px);
+    let mut features = [0.0; FEATURES_COUNT];
+    residuals(points, &sums, facts.pitch_px, scratch, &mut features);
+    shape(points, &sums, facts, &mut features);
+    motion_of_contact(&sums, motion, facts, &mut features);
+    let secant_px2 = stiffness(&sums, motion, load_px3, facts, stretches, &mut features);
+    loads(points, load_px3, facts, scratch, &mut features);
+    let Sums { rigid_px, arm_px, lever_px, .. } = sums;
+    FieldMeasures { features, load_px3, rigid_px, arm_px, lever_px, secant_px2 }
+}
 
+/// Sums over the points that several features need.
+struct Sums {
+    floor_px: f64,
+    /// Mean length of the rigid displacement, px.
+    mean_rigid_px: f64,
+    /// Sum of the squares of these lengths, px2, and the root of their mean, px.
+    rigid_squared_px2: f64,
+    rigid_px: f64,
+    /// See [`FieldMeasures`].
+    arm_px: f64,
+    lever_px: f64,
+}
+
+impl Sums {
+    fn of(points: &[Point], floor_px: f64) -> Self {
+        let rigid_squared_px2 = points.iter().map(|q| q.rigid.length_squared()).sum::<f64>();
+        let arm_px = mean(points, |q| q.radius).max(1e-6);
+        Sums {
+            floor_px,
+            mean_rigid_px: mean(points, |q| q.rigid.length()),
+            rigid_squared_px2,
+            rigid_px: (rigid_squared_px2 / points.len() as f64).sqrt(),
+            arm_px,
+            lever_px: mean(points, |q| q.radius * q.radius).max(1e-12) / arm_px,
+        }
+    }
+
+    /// Slip of a point over its rigid displacement.
+    fn relative(&self, q: &Point) -> f64 {
+        slip_px(q) / (q.rigid.length() + self.floor_px)
+    }
+}
+
+fn mean(points: &[Point], of: impl Fn(&Point) -> f64) -> f64 {
+    points.iter().map(of).sum::<f64>() / points.len() as f64
+}
+
+fn share(points: &[Point], of: impl Fn(&Point) -> bool) -> f64 {
+    points.iter().filter(|q| of(q)).count() as f64 / points.len() as f64
+}
+
+fn slip_px(q: &Point) -> f64 {
+    q.residual().length()
+}
+
+/// Displacement since the point joined the contact, px.
+fn moved_px(q: &Point) -> f64 {
+    (q.displacement - q.joined).length()
+}
+
+/// How far the points lag behind the rigid motion.
+fn residuals(points: &[Point], sums: &Sums, pitch_px: f64, scratch: &mut [f64], into: &mut Features) {
     let third = (points.len() / 3).max(1);
     let (inner, outer) = (&points[..third], &points[points.len() - third..]);
-    let mean_rigid = mean(&|q| q.rigid.length(), points);
-    let rigid_squared = points.iter().map(|q| q.rigid.length_squared()).sum::<f64>();
-    let rigid_px = (rigid_squared / n).sqrt();
-    let arm_px = mean(&|q| q.radius, points).max(1e-6);
-    let lever_px = mean(&|q| q.radius * q.radius, points).max(1e-12) / arm_px;
-    let largest_radius = points.last().map_or(1.0, |q| q.radius).max(1e-6);
+    let weight = |q: &Point| {
+        let t = 1.0 + q.residual().length_squared() / (STICKING_PITCH2 * pitch_px * pitch_px);
+        1.0 / (t * t)
+    };
+    let is_over = |q: &Point| slip_px(q) > OVER_RIGID_FRACTION * q.rigid.length() + OVER_PITCH * pitch_px;
     let along: f64 = points.iter().map(|q| (q.displacement - q.joined).dot(q.rigid)).sum();
+    into[RESIDUAL_OVER_RIGID] = mean(points, slip_px) / (sums.mean_rigid_px + sums.floor_px);
+    into[RIM_OVER_CENTRE] = mean(outer, moved_px) / (mean(inner, moved_px) + sums.floor_px);
+    into[OVER_FRACTION] = share(points, is_over);
+    into[OVER_TWENTIETH] = share(points, |q| slip_px(q) > OVER_TWENTIETH_PITCH * pitch_px);
+    into[WORK_LOST] = 1.0 - along / sums.rigid_squared_px2.max(1e-6);
+    into[STICKING] = mean(points, weight);
+    [into[Q90], into[Q75], into[Q50], into[Q25]] =
+        quantiles(points, |q| sums.relative(q), [0.9, 0.75, 0.5, 0.25], scratch);
+}
 
-    let load_px3 = libm::hypot(facts.force_px3.length(), facts.moment_px4 / arm_px);
+/// Size of the contact, its share at the border of the view, and how the slip grows towards its rim.
+fn shape(points: &[Point], sums: &Sums, facts: &FieldFacts, into: &mut Features) {
+    let (narrow_px, wide_px) = spread(points);
+    (into[NARROW], into[WIDE]) = (narrow_px / facts.pitch_px, wide_px / facts.pitch_px);
+    let largest_radius = points.last().map_or(1.0, |q| q.radius).max(1e-6);
+    let mean_x = mean(points, |q| q.radius) / largest_radius;
+    let mean_y = mean(points, |q| sums.relative(q));
+    let (mut xx, mut xy) = (0.0, 0.0);
+    for q in points {
+        let x = q.radius / largest_radius - mean_x;
+        (xx, xy) = (xx + x * x, xy + x * (sums.relative(q) - mean_y));
+    }
+    into[SLOPE] = xy / xx.max(1e-9);
+    let (low, high) = facts.inside;
+    into[CUT] = share(points, |q| q.rest.x < low.x || q.rest.y < low.y || q.rest.x > high.x || q.rest.y > high.y);
+    into[HIDDEN] = facts.hidden_fraction;
+}
+
+/// The rigid motion itself: its size against the noise, its rotation, and what was added lately.
+fn motion_of_contact(sums: &Sums, motion: &RigidMotion, facts: &FieldFacts, into: &mut Features) {
+    let turn_px = motion.rotation_rad.abs() * sums.arm_px;
+    let added_px = facts.before.map_or(0.0, |s| sums.rigid_px - s.rigid_px);
+    into[NOISE] = sums.floor_px / (sums.rigid_px + sums.floor_px);
+    into[TURNING] = turn_px / (motion.translation.length() + turn_px + TURNING_FLOORS * sums.floor_px);
+    into[MOVING] = added_px / (sums.rigid_px + sums.floor_px);
+}
+
+/// Load over motion. Returns the secant stiffness, px2; None while nothing has moved.
+fn stiffness(
+    sums: &Sums,
+    motion: &RigidMotion,
+    load_px3: f64,
+    facts: &FieldFacts,
+    stretches: &mut Stretches,
+    into: &mut Features,
+) -> Option<f64> {
     // About the middle of the contact, where the motion is expressed.
     let work = facts.force_px3.dot(motion.translation) + facts.moment_px4 * motion.rotation_rad;
     let patch_px2 =
         facts.area_px2 + facts.drag_width_px * 2.0 * (std::f64::consts::PI * facts.area_px2.max(1.0)).sqrt();
-    let moves = rigid_px > 0.02 * p;
-    let secant_px2 = moves.then(|| work / (rigid_px * rigid_px));
+    let moves = sums.rigid_px > MOVING_PITCH * facts.pitch_px;
+    let secant_px2 = moves.then(|| work / (sums.rigid_px * sums.rigid_px));
     let stiffest_px2 = facts.stiffest_px2.max(secant_px2.unwrap_or(0.0));
-    let added_rigid = facts.before.map_or(0.0, |s| rigid_px - s.rigid_px);
-    let tangent_px2 = stretches.see(load_px3, rigid_px, LEAST_MOVE_FLOORS * floor);
+    let tangent_px2 = stretches.see(load_px3, sums.rigid_px, LEAST_MOVE_FLOORS * sums.floor_px);
+    into[SECANT] = secant_px2.unwrap_or(0.0) / patch_px2;
+    into[TANGENT] = tangent_px2.or(secant_px2).unwrap_or(0.0) / patch_px2;
+    into[SOFTENING] = secant_px2.map_or(0.0, |now| if stiffest_px2 > 0.0 { 1.0 - now / stiffest_px2 } else { 0.0 });
+    secant_px2
+}
 
-    let (mut narrow, mut wide) = spread(points);
-    (narrow, wide) = (narrow / p, wide / p);
-    let slope = {
-        let (mean_x, mean_y) = (mean(&|q| q.radius, points) / largest_radius, mean(&relative, points));
-        let (mut xx, mut xy) = (0.0, 0.0);
-        for q in points.iter() {
-            let x = q.radius / largest_radius - mean_x;
-            (xx, xy) = (xx + x * x, xy + x * (relative(q) - mean_y));
-        }
-        xy / xx.max(1e-9)
-    };
-    let turn_px = motion.rotation_rad.abs() * arm_px;
-    let (low, high) = facts.inside;
-    let cut = share(&|q| q.rest.x < low.x || q.rest.y < low.y || q.rest.x > high.x || q.rest.y > high.y);
-    let sticking = mean(
-        &|q| {
-            let t = 1.0 + q.residual().length_squared() / (0.01 * p * p);
-            1.0 / (t * t)
-        },
-        points,
-    );
-    let over_fraction = share(&|q| slip(q) > 0.1 * q.rigid.length() + 0.03 * p);
-    let over_twentieth = share(&|q| slip(q) > 0.05 * p);
-    let [q90, q75, q50, q25] = quantiles(points, relative, [0.9, 0.75, 0.5, 0.25], scratch);
-    let [far_px] = quantiles(points, moved, [0.9], scratch);
-
+/// Load and shear over what the grip could hold; 0 where that is not known.
+fn loads(points: &[Point], load_px3: f64, facts: &FieldFacts, scratch: &mut [f64], into: &mut Features) {
+    let n = points.len() as f64;
     let mean_moved = points.iter().fold(Vec2::ZERO, |sum, q| sum + (q.displacement - q.joined)) / n;
-    let slip_rms = (points.iter().map(|q| q.residual().length_squared()).sum::<f64>() / n).sqrt();
+    let slip_rms_px = (points.iter().map(|q| q.residual().length_squared()).sum::<f64>() / n).sqrt();
+    let [far_px] = quantiles(points, moved_px, [0.9], scratch);
     let per_grip = facts.stiffness_over_grip_per_px3.unwrap_or(0.0) / SCALE_MU;
     let area = per_grip * facts.area_px2;
-    FieldMeasures {
-        features: [
-            mean(&slip, points) / (mean_rigid + floor),
-            mean(&moved, outer) / (mean(&moved, inner) + floor),
-            over_fraction,
-            secant_px2.unwrap_or(0.0) / patch_px2,
-            1.0 - along / rigid_squared.max(1e-6),
-            tangent_px2.or(secant_px2).unwrap_or(0.0) / patch_px2,
-            secant_px2.map_or(0.0, |now| if stiffest_px2 > 0.0 { 1.0 - now / stiffest_px2 } else { 0.0 }),
-            q25,
-            q50,
-            q75,
-            q90,
-            floor / (rigid_px + floor),
-            cut,
-            sticking,
-            slope,
-            turn_px / (motion.translation.length() + turn_px + 0.5 * floor),
-            narrow,
-            wide,
-            over_twentieth,
-            added_rigid / (rigid_px + floor),
-            per_grip * load_px3,
-            area * mean_moved.length(),
-            area * slip_rms,
-            area * far_px,
-            facts.hidden_fraction,
-        ],
-        load_px3,
-        rigid_px,
-        arm_px,
-        lever_px,
-        secant_px2,
-    }
+    into[LOAD] = per_grip * load_px3;
+    into[MEAN_SHEAR] = area * mean_moved.length();
+    into[RESIDUAL_SHEAR] = area * slip_rms_px;
+    into[FAR_SHEAR] = area * far_px;
 }
 
 /// Quantiles of `of` over the points, the largest first. `scratch` is at least as long as `points`.

@@ -1,6 +1,7 @@
 //! Parts of step 5 on hand-made fields; against simulated physics: `slipbound-lab/tests/estimates.rs`.
 
-use super::field::{FieldFacts, Point, features, fit};
+use super::field::{FieldFacts, features};
+use super::rigid_fit::{Point, fit};
 use super::window::{Sample, Stretches, Window};
 use super::*;
 use crate::image::SizePx;
