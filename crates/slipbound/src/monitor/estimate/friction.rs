@@ -12,13 +12,11 @@
 //! A frame whose load is below the noise gives no information. At a small load a frame hardly distinguishes a rough
 //! contact from a slippery one: the trees then return the prior, which has no weight.
 //!
-//! `indentation_gain`: a curved object that has sunk into the gel bears against its far side, and slides at more than
-//! mu P.
+//! `indentation_gain`: a curved object slides at more than mu P (indentation.rs).
 
 use super::prediction::MAX_USED;
 use crate::monitor::frame_period::FRAME_S;
 use crate::monitor::report::Estimate;
-use crate::plane::Vec2;
 
 /// Prior of the friction: mean and inverse variance of its logarithm, log-uniform from 0.2 to 1.3. The trees were
 /// fitted to it.
@@ -64,28 +62,8 @@ const DRIFT_LOG_SD: f64 = 0.2;
 const MOST_FRICTION: f64 = 3.0;
 /// A held load is a lower bound of the friction, within the error of the load.
 const LOAD_SURE: f64 = 0.95;
-/// Growth of the load at gross slip with the shear of the gel at a traction as large as the pressure, in half widths of
-/// the contact: 0.5 to 1.1 for simulated spheres, cylinders and the cap between 6 and 50 N, whatever their friction.
-const INDENTATION_GAIN_SLOPE: f64 = 0.8;
 /// Standard deviation of load over grip force without load: a residual of squeeze and rolling.
 const LOAD_NOISE_PER_GRIP: f64 = 0.01;
-/// Larger values were not simulated.
-const MAX_INDENTATION_GAIN: f64 = 1.5;
-
-/// Ratio of the load at gross slip to mu P for an object that has sunk into the gel. `shear_px`: displacement of the
-/// gel at a traction as large as the mean pressure; `half_width_px`: of the contact along the load; `pulled_fraction`:
-/// share of the force in the load; the rest is torque.
-pub(super) fn indentation_gain(shear_px: f64, half_width_px: f64, pulled_fraction: f64) -> f64 {
-    (1.0 + INDENTATION_GAIN_SLOPE * pulled_fraction * shear_px / half_width_px.max(1e-6)).min(MAX_INDENTATION_GAIN)
-}
-
-/// Half the width of a contact along a direction, from the positions of its markers: twice their standard deviation, as
-/// on a disc.
-pub(super) fn half_width_px(places: impl ExactSizeIterator<Item = Vec2>, middle: Vec2, along: Vec2) -> f64 {
-    let n = places.len().max(1) as f64;
-    let squares: f64 = places.map(|place| (place - middle).dot(along)).map(|x| x * x).sum();
-    2.0 * (squares / n).sqrt()
-}
 
 /// Shrinks the used fraction of a frame with less information than the prior towards the prior; returns its logarithm,
 /// and itself.
@@ -108,7 +86,7 @@ pub(super) struct FrictionSample {
     pub per_grip: f64,
     /// Grip force, N.
     pub grip_n: f64,
-    /// See [`indentation_gain`].
+    /// See [`indentation_gain`](super::indentation::indentation_gain).
     pub indentation_gain: f64,
     /// Whether the imprint slides over the gel: a load that falls meanwhile does not count as fallen.
     pub imprint_slides: bool,

@@ -290,27 +290,3 @@ fn at_another_grip_less_is_known_of_it() {
     };
     assert!(sd(60.0) > 1.2 * sd(10.0), "{} {}", sd(60.0), sd(10.0));
 }
-
-#[test]
-fn what_lies_deep_slides_at_more_and_a_wide_face_does_not() {
-    let places = |x_mm: f64, y_mm: f64| {
-        (0..900)
-            .map(move |i| Vec2::new(x_mm * (f64::from(i % 30) / 14.5 - 1.0), y_mm * (f64::from(i / 30) / 14.5 - 1.0)))
-    };
-    let width = |x_mm, y_mm, along: Vec2| {
-        let places: Vec<Vec2> = places(x_mm, y_mm).collect();
-        half_width_px(places.into_iter(), Vec2::ZERO, along)
-    };
-    // A uniform width of 2 a has the standard deviation a / sqrt 3.
-    assert!((width(6.0, 2.0, Vec2::new(1.0, 0.0)) - 6.0 * 2.0 / 3f64.sqrt()).abs() < 0.3);
-    assert!((width(6.0, 2.0, Vec2::new(0.0, 1.0)) - 2.0 * 2.0 / 3f64.sqrt()).abs() < 0.1);
-    // The cap at 6 and at 50 N, and a box (simulated: 1.09, 1.48, 1.05), pulled; the cap turned about the pad's normal.
-    assert!(
-        (indentation_gain(1.1, 7.2, 1.0) - 1.12).abs() < 0.01 && (indentation_gain(3.8, 8.8, 1.0) - 1.35).abs() < 0.01
-    );
-    assert!(
-        indentation_gain(1.3, 13.0, 1.0) < 1.09
-            && indentation_gain(3.8, 8.8, 0.0) == 1.0
-            && indentation_gain(90.0, 1.0, 1.0) == MAX_INDENTATION_GAIN
-    );
-}
