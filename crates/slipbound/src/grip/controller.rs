@@ -50,7 +50,7 @@ pub trait GripController {
 
     /// The gripper holds with this force, N per finger, although a lower one was decided. Returns whether the next
     /// decision starts from this force; otherwise [`Guard`](super::Guard) adds the controller's increases to it.
-    fn force_kept(&mut self, _force_n: f64) -> bool {
+    fn start_from(&mut self, _force_n: f64) -> bool {
         false
     }
 }

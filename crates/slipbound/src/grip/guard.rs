@@ -48,12 +48,12 @@ impl Guard {
         self.blind
     }
 
-    /// Holds with a force set by the task instead of the controller. The same limits apply: the force does not fall
-    /// without a live finger or after the object was lost, and a force that was raised while the hand was blind is
-    /// lowered slowly.
+    /// Holds with a force, N per finger, set by the task instead of the controller. The same limits apply: the force does
+    /// not fall without a live finger or after the object was lost, and a force that was raised while the hand was blind
+    /// is lowered slowly.
     pub fn hold(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState, force_n: f64) -> GripDecision {
         let elapsed_s = step_s(self.last_ns.replace(now_ns), now_ns);
-        if let Some(kept) = self.kept(now_ns, hand, gripper) {
+        if let Some(kept) = self.decision_without_sight(now_ns, hand, gripper) {
             return kept;
         }
         let wanted = self.lower_slowly(GripDecision { force_n, arm: ArmMotion::Go }, elapsed_s, hand);
@@ -61,10 +61,10 @@ impl Guard {
     }
 
     /// Keeps the last force, within the same limits, for a cycle in which nobody asks for another.
-    pub fn keep(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
+    pub fn hold_last(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
         self.last_ns = Some(now_ns);
         let last = GripDecision { force_n: self.force_n, arm: ArmMotion::Go };
-        self.kept(now_ns, hand, gripper).unwrap_or(last)
+        self.decision_without_sight(now_ns, hand, gripper).unwrap_or(last)
     }
 
     /// As [`GripController::decide`], but with at least the last force.
@@ -77,12 +77,12 @@ impl Guard {
 
     /// The gripper holds with this force, N per finger, although it was told a lower one: it refuses to lower its
     /// force, or a fault keeps it. Whatever is added from now on is added to this force.
-    pub fn force_kept(&mut self, force_n: f64) {
+    pub fn raise_to(&mut self, force_n: f64) {
         let force_n = force_n.clamp(self.limits.least_n, self.limits.most_n);
         if force_n > self.force_n {
             let before_n = std::mem::replace(&mut self.force_n, force_n);
             // A force that was raised while the hand was blind stays one: it is lowered slowly.
-            if self.raised_from_n.is_none() && !self.inner.force_kept(force_n) {
+            if self.raised_from_n.is_none() && !self.inner.start_from(force_n) {
                 self.raised_from_n = Some(before_n);
             }
         }
@@ -100,7 +100,7 @@ impl Guard {
     }
 
     /// The decision while nothing can be judged; None otherwise.
-    fn kept(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> Option<GripDecision> {
+    fn decision_without_sight(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> Option<GripDecision> {
         let sees = hand.state != SlipState::Unjudged;
         let seen_ns = *self.seen_ns.get_or_insert(now_ns);
         if sees {
@@ -152,7 +152,7 @@ impl Guard {
 impl GripController for Guard {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
         let elapsed_s = step_s(self.last_ns.replace(now_ns), now_ns);
-        if let Some(kept) = self.kept(now_ns, hand, gripper) {
+        if let Some(kept) = self.decision_without_sight(now_ns, hand, gripper) {
             return kept;
         }
         let wanted = self.inner.decide(now_ns, hand, gripper);
@@ -172,8 +172,8 @@ impl GripController for Guard {
         self.inner.margin()
     }
 
-    fn force_kept(&mut self, force_n: f64) -> bool {
-        Guard::force_kept(self, force_n);
+    fn start_from(&mut self, force_n: f64) -> bool {
+        self.raise_to(force_n);
         true
     }
 }

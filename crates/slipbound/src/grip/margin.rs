@@ -337,7 +337,7 @@ impl GripController for Margin {
     }
 
     /// The wanted force follows from the load, whatever the grip: only the rate limits start from the force.
-    fn force_kept(&mut self, force_n: f64) -> bool {
+    fn start_from(&mut self, force_n: f64) -> bool {
         self.force_n = self.force_n.max(force_n);
         true
     }

@@ -54,7 +54,7 @@ impl Grasp {
         let holds = gripper.jaws == Jaws::Holding;
         if let Some(held_n) = gripper.target_n.or(gripper.force_n).filter(|_| is_first && holds) {
             // It holds already, from before this task: it is not loosened to the starting force.
-            grip.force_kept(held_n);
+            grip.raise_to(held_n);
         }
         let force_n = self.force_n(observation, hand, grip, feels && holds);
         self.missing = match () {
@@ -91,7 +91,7 @@ impl Grasp {
         let slips = is_felt && hand.state.is_slip();
         let decided = match slips {
             true => grip.decide_no_less(now_ns, hand, gripper),
-            false => grip.keep(now_ns, hand, gripper),
+            false => grip.hold_last(now_ns, hand, gripper),
         };
         decided.force_n
     }

@@ -133,7 +133,7 @@ impl Task for Lift {
     }
 
     fn force_kept(&mut self, force_n: f64) {
-        self.grip.force_kept(force_n);
+        self.grip.raise_to(force_n);
     }
 
     fn missing(&self) -> Option<Missing> {

@@ -108,7 +108,7 @@ impl Task for Screw {
     }
 
     fn force_kept(&mut self, force_n: f64) {
-        self.turning.grip.force_kept(force_n);
+        self.turning.grip.raise_to(force_n);
     }
 
     fn missing(&self) -> Option<Missing> {

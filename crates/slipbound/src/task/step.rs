@@ -158,7 +158,7 @@ pub trait Task {
     fn grip(&self) -> &Guard;
 
     /// The gripper holds with this force, N per finger, although the last step commanded a lower one: see
-    /// [`Guard::force_kept`].
+    /// [`Guard::raise_to`].
     fn force_kept(&mut self, force_n: f64);
 
     /// What it waits for before its work can begin; None once it has begun, and before the first step.

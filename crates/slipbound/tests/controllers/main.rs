@@ -135,7 +135,7 @@ fn a_force_raised_while_blind_comes_down_slowly_and_only_while_nothing_slips() {
 fn commands_from_30_n(law: Law, states: &[(SlipState, f64)]) -> Vec<f64> {
     let mut guard = law.controller(&GripLimits::default()).expect("valid");
     let step = |(i, &(state, margin)): (usize, &(SlipState, f64))| {
-        guard.force_kept(30.0);
+        guard.raise_to(30.0);
         guard.decide(i as u64 * FRAME_NS, &HandReport { margin: Some(margin), ..hand(state) }, &gripper(30.0)).force_n
     };
     states.iter().enumerate().map(step).collect()
@@ -167,7 +167,7 @@ fn a_force_raised_while_blind_is_still_lowered_slowly_when_the_gripper_has_refus
         let hand = HandReport { margin: Some(margin), ..hand(state) };
         let wanted_n = guard.decide(now_ns, &hand, &gripper(force_n)).force_n;
         if wanted_n < force_n {
-            guard.force_kept(force_n);
+            guard.raise_to(force_n);
         }
         force_n = force_n.max(wanted_n);
         (force_n, guard.is_raised())
@@ -184,7 +184,7 @@ fn a_force_raised_while_blind_is_still_lowered_slowly_when_the_gripper_has_refus
 fn a_lower_force_or_none_is_not_the_one_kept() {
     let mut guard = Law::Constant.controller(&GripLimits::default()).expect("valid");
     for (kept_n, expected_n) in [(8.0, 10.0), (f64::NAN, 10.0), (90.0, 60.0), (20.0, 60.0)] {
-        guard.force_kept(kept_n);
+        guard.raise_to(kept_n);
         assert_eq!(guard.force_n(), expected_n, "{kept_n}");
     }
     assert!(guard.is_raised());
