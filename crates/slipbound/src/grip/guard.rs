@@ -100,7 +100,12 @@ impl Guard {
     }
 
     /// The decision while nothing can be judged; None otherwise.
-    fn decision_without_sight(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> Option<GripDecision> {
+    fn decision_without_sight(
+        &mut self,
+        now_ns: u64,
+        hand: &HandReport,
+        gripper: &GripperState,
+    ) -> Option<GripDecision> {
         let sees = hand.state != SlipState::Unjudged;
         let seen_ns = *self.seen_ns.get_or_insert(now_ns);
         if sees {
