@@ -36,7 +36,7 @@ impl Cycle {
     pub fn of(view: &CycleView<'_>) -> Self {
         let outcome = match view.outcome {
             None => "left",
-            Some(CycleOutcome::AtRest) => "at_rest",
+            Some(CycleOutcome::FindingRest) => "at_rest",
             Some(CycleOutcome::Waiting) => "waiting",
             Some(CycleOutcome::Commanded(_)) => "commanded",
             Some(CycleOutcome::SourceEnded) => "source_ended",

@@ -207,7 +207,7 @@ impl ControlLoop {
         };
         if self.fingers.iter().any(|finger| finger.monitor().is_none()) {
             self.faults.clear(now_ns);
-            return Ok(CycleOutcome::AtRest);
+            return Ok(CycleOutcome::FindingRest);
         }
         let hand = self.hand.report(now_ns);
         self.slips.see(&SlipObservation::of_hand(now_ns, &hand));

@@ -35,8 +35,8 @@ mod place;
 mod screw;
 mod settings;
 mod shear_history;
+mod shear_offset;
 mod step;
-mod tare;
 mod turning;
 mod unscrew;
 

@@ -143,7 +143,7 @@ impl CycleObserver for Diary {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
         self.words.push(match view.outcome {
             None => "left",
-            Some(CycleOutcome::AtRest) => "rest",
+            Some(CycleOutcome::FindingRest) => "rest",
             Some(CycleOutcome::Waiting) => "waiting",
             Some(CycleOutcome::SourceEnded) => "end",
             Some(CycleOutcome::Commanded(cycle)) => match cycle.phase {

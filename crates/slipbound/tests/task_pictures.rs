@@ -233,7 +233,7 @@ fn what_is_missing_is_said_while_hold_is_taken() {
         }
         use Missing::*;
         let waits = [Some(Hold), Some(Hold), Some(Contact), Some(Contact), Some(Sight)];
-        let rests = [Some(Rest); 7];
+        let rests = [Some(SteadyGrip); 7];
         assert_eq!(missing, [&waits[..], &rests[..], &[None, None]].concat(), "{kind:?}");
     }
 }

@@ -188,7 +188,7 @@ impl Replay {
             let (gripper, wrist) = (&mut RecordedActuators(known), &mut RecordedActuators(known));
             self.control.assume_fault(cycle.time_ns, cycle.on_fault);
             match self.control.cycle(cycle.time_ns, gripper, wrist, observer)? {
-                CycleOutcome::AtRest | CycleOutcome::Waiting => {}
+                CycleOutcome::FindingRest | CycleOutcome::Waiting => {}
                 CycleOutcome::SourceEnded => {
                     return Err(ReplayError::FramesEnd { cycle: next, cycles_count: self.cycles.len() });
                 }

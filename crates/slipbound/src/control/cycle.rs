@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 #[allow(clippy::large_enum_variant)] // made once a cycle, never stored
 pub enum CycleOutcome {
     /// The rest frames of the fingers are still being recorded; nothing was commanded.
-    AtRest,
+    FindingRest,
     /// Gripper or wrist gave no usable state; nothing was commanded but a pause of the wrist.
     Waiting,
     /// Commands were sent.

@@ -151,7 +151,7 @@ fn a_lost_gripper_is_waited_for_with_the_wrist_paused_for_ten_seconds() {
     assert_eq!(control.fault().map(|fault| fault.kind), Some(FaultKind::Gripper(GripperErrorKind::Link)));
     assert!(matches!(
         control.cycle(10 * S + 1, &mut scribe.clone(), &mut scribe.clone(), &mut ()),
-        Ok(CycleOutcome::AtRest)
+        Ok(CycleOutcome::FindingRest)
     ));
     let error = control.cycle(11 * S, &mut lost, &mut scribe.clone(), &mut ()).expect_err("patience ends").to_string();
     assert_eq!(error, "gripper: gone 3 ms ago; waited 10 s");
@@ -190,10 +190,10 @@ fn a_lost_wrist_is_a_fault_but_the_loop_goes_on() {
     );
     assert!(matches!(
         control.cycle(2 * S, &mut scribe.clone(), &mut scribe.clone(), &mut ()),
-        Ok(CycleOutcome::AtRest)
+        Ok(CycleOutcome::FindingRest)
     ));
     assert!(
-        matches!(control.cycle(3 * S, &mut scribe.clone(), &mut lost, &mut ()), Ok(CycleOutcome::AtRest)),
+        matches!(control.cycle(3 * S, &mut scribe.clone(), &mut lost, &mut ()), Ok(CycleOutcome::FindingRest)),
         "it stands"
     );
     assert_eq!(control.wrist.map(|wrist| wrist.moving), Some(false));

@@ -315,7 +315,7 @@ impl Estimator {
         if self.reference.is_taken() {
             let (reference, grip_n) = (&self.reference, self.reference.taken_grip_n());
             let per_grip = self.stiffness_n_per_px3.zip(grip_n).map(|(k, grip_n)| k / grip_n);
-            self.load.tare(|m| reference.squeeze(m), markers, grip_n, per_grip);
+            self.load.subtract_squeeze(|m| reference.squeeze(m), markers, grip_n, per_grip);
         }
     }
 

@@ -67,7 +67,7 @@ impl Grasp {
             if self.stands_for_ns(observation) >= self.needed_ns(now_ns, arrived(force_n, gripper)) {
                 return Grasped::Yes;
             }
-            self.missing = Some(Missing::Rest);
+            self.missing = Some(Missing::SteadyGrip);
         } else {
             (self.stands, self.pressed_since_ns) = (None, None);
         }

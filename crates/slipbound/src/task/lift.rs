@@ -1,8 +1,8 @@
 //! Lifting and holding: raise the object, then hold it for a time while it may be filled or pulled at.
 
 use super::grasp::{Grasp, Grasped};
+use super::shear_offset::ShearOffset;
 use super::step::{Ending, Missing, Observation, PAUSE, Phase, Task, TaskStep, lower};
-use super::tare::Tare;
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard};
 use crate::hand::Allowed;
 use crate::monitor::SlipState;
@@ -50,7 +50,7 @@ pub struct Lift {
     settings: LiftSettings,
     grip: Guard,
     grasp: Grasp,
-    tare: Tare,
+    shear_offset: ShearOffset,
     phase: Phase,
     start_mm: Option<f64>,
     /// Time of the last step of work, ns.
@@ -71,7 +71,7 @@ impl Lift {
             settings,
             grip,
             grasp,
-            tare: Tare::default(),
+            shear_offset: ShearOffset::default(),
             phase,
             start_mm: None,
             worked_ns: None,
@@ -83,7 +83,8 @@ impl Lift {
 
     fn work(&mut self, observation: &Observation<'_>) {
         let start_mm = *self.start_mm.get_or_insert(observation.wrist.lowered_mm);
-        let seen = self.tare.correct(&self.settings.allowed.filter(observation.hand), observation.gripper.pressed_n());
+        let seen =
+            self.shear_offset.correct(&self.settings.allowed.filter(observation.hand), observation.gripper.pressed_n());
         self.last = self.grip.decide(observation.now_ns, &seen, observation.gripper);
         let since_ns = self.worked_ns.replace(observation.now_ns).unwrap_or(observation.now_ns);
         // Time counts as held only while the object is felt; of a long gap between two steps only a part counts.
@@ -109,7 +110,7 @@ impl Task for Lift {
                 match self.grasp.step(observation, &self.settings.allowed.filter(observation.hand), &mut self.grip) {
                     Grasped::NotYet(grip) => self.last = grip,
                     Grasped::Yes => {
-                        self.tare.take(observation.hand, observation.gripper.pressed_n());
+                        self.shear_offset.take(observation.hand, observation.gripper.pressed_n());
                         self.phase = Phase::Working;
                     }
                     Grasped::Never(ending) => self.phase = Phase::Ended(ending),

@@ -134,7 +134,8 @@ pub enum Missing {
     /// Contact at the fingers.
     Contact,
     /// A settled grip.
-    Rest,
+    #[serde(rename = "rest")]
+    SteadyGrip,
 }
 
 impl Missing {
@@ -144,7 +145,7 @@ impl Missing {
             Missing::Sight => "the fingers are blind",
             Missing::Hold => "the gripper does not say that it holds something",
             Missing::Contact => "the gripper holds something that the fingers do not feel",
-            Missing::Rest => "the grip did not come to rest",
+            Missing::SteadyGrip => "the grip did not settle",
         }
     }
 }

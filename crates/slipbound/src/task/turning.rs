@@ -2,8 +2,8 @@
 
 use super::grasp::{Grasp, Grasped};
 use super::shear_history::ShearHistory;
+use super::shear_offset::ShearOffset;
 use super::step::{Ending, Missing, Observation, PAUSE, Phase, TaskStep, turn};
-use super::tare::Tare;
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
 use crate::hand::{Allowed, HandReport};
 use crate::monitor::SlipState;
@@ -49,7 +49,7 @@ pub(super) struct Turning {
     slide: SlideSettings,
     stiffness_mpa_per_mm: Option<f64>,
     grasp: Grasp,
-    tare: Tare,
+    shear_offset: ShearOffset,
     phase: Phase,
     start_rad: Option<f64>,
     shear: ShearHistory,
@@ -59,8 +59,8 @@ pub(super) struct Turning {
     last: GripDecision,
 }
 
-/// Evidence for ending a turn.
-pub(super) struct Evidence<'a> {
+/// State of a turn, from which the task decides whether it ends.
+pub(super) struct TurnState<'a> {
     /// Shear of the gels around the axis over the turn, in the sense of the task.
     pub shear: &'a ShearHistory,
     /// How far the wrist has turned, in the sense of the task, rad.
@@ -71,7 +71,7 @@ pub(super) struct Evidence<'a> {
     slips_rad: Option<(f64, f64)>,
 }
 
-impl Evidence<'_> {
+impl TurnState<'_> {
     /// Whether slip under the largest force persists over this turn: it began in the first half and was detected in the
     /// second. A single alarm does not count.
     pub fn slips_over(&self, window_rad: f64) -> bool {
@@ -100,7 +100,7 @@ impl Turning {
             slide,
             stiffness_mpa_per_mm,
             grasp: Grasp::default(),
-            tare: Tare::default(),
+            shear_offset: ShearOffset::default(),
             phase: Phase::Grasping,
             start_rad: None,
             shear: ShearHistory::new(longest_window_rad.max(slide.window_rad)),
@@ -110,13 +110,13 @@ impl Turning {
         }
     }
 
-    pub fn step(&mut self, observation: &Observation<'_>, end: impl Fn(Evidence<'_>) -> Option<Ending>) -> TaskStep {
+    pub fn step(&mut self, observation: &Observation<'_>, end: impl Fn(TurnState<'_>) -> Option<Ending>) -> TaskStep {
         match self.phase {
             Phase::Grasping => {
                 match self.grasp.step(observation, &self.allowed.filter(observation.hand), &mut self.grip) {
                     Grasped::NotYet(grip) => self.last = grip,
                     Grasped::Yes => {
-                        self.tare.take(observation.hand, observation.gripper.pressed_n());
+                        self.shear_offset.take(observation.hand, observation.gripper.pressed_n());
                         self.phase = Phase::Working;
                     }
                     Grasped::Never(ending) => self.phase = Phase::Ended(ending),
@@ -129,13 +129,13 @@ impl Turning {
         TaskStep { grip: self.last.command(), wrist, phase: self.phase }
     }
 
-    fn work(&mut self, observation: &Observation<'_>, end: impl Fn(Evidence<'_>) -> Option<Ending>) {
+    fn work(&mut self, observation: &Observation<'_>, end: impl Fn(TurnState<'_>) -> Option<Ending>) {
         let start_rad = *self.start_rad.get_or_insert(observation.wrist.angle_rad);
         let sense = self.rate_rad_per_s.signum();
         let turned_rad = sense * (observation.wrist.angle_rad - start_rad);
         let before = self.last;
         let pressed_n = observation.gripper.pressed_n();
-        let mut seen = self.tare.correct(&self.allowed.filter(observation.hand), pressed_n);
+        let mut seen = self.shear_offset.correct(&self.allowed.filter(observation.hand), pressed_n);
         if self.slides(&seen, pressed_n) {
             seen.state = SlipState::Gross;
         }
@@ -160,7 +160,7 @@ impl Turning {
             // Evidence from before the fingers went blind does not cover the turn since.
             let sees = seen.state != SlipState::Unjudged;
             let seen_ending = sees
-                .then(|| end(Evidence { shear: &self.shear, turned_rad, slip_at_most, slips_rad: self.slips_rad }))
+                .then(|| end(TurnState { shear: &self.shear, turned_rad, slip_at_most, slips_rad: self.slips_rad }))
                 .flatten();
             seen_ending.or((turned_rad >= self.most_rad).then_some(Ending::Limit))
         };

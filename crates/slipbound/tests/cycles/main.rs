@@ -16,7 +16,7 @@ use slipbound::events::{Episode, EpisodeChange, SlipEpisodes, SlipEvents, SlipOb
 use slipbound::grip::{ForceSense, GripController};
 use slipbound::hand::{Hand, HandReport, Health, Mounting, Side};
 use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion};
-use slipbound::task::{ControllerKind, Observation, Phase, TaskKind, TaskSettings, TaskStep};
+use slipbound::task::{ControllerKind, Missing, Observation, Phase, TaskKind, TaskSettings, TaskStep};
 use snapshot::Checksum;
 
 const CYCLE_NS: u64 = 33_333_333;
@@ -119,8 +119,8 @@ impl Case {
             let guard = task.grip();
             let law = (guard.margin(), guard.alarms_count(), guard.wants_more(), guard.is_blind(), guard.force_n());
             let still = sense.is_still();
-            let change = text_of(&change);
-            sum.add(format!("{report:?}{change}{gripper:?}{still}{step:?}{law:?}{:?}", task.missing()).as_bytes());
+            let (change, missing) = (text_of(&change), text_of_missing(task.missing()));
+            sum.add(format!("{report:?}{change}{gripper:?}{still}{step:?}{law:?}{missing}").as_bytes());
             self.plant.command(step.grip, step.wrist);
             let now = (step.phase, Shown { report, gripper, step, still, slips_count: episodes.count() });
             let is_new = last.as_ref().is_none_or(|(phase, before)| {
@@ -409,4 +409,12 @@ fn text_of(change: &EpisodeChange) -> String {
         })
     };
     format!("Change {{ ended: {}, began: {} }}", slip(change.ended), slip(change.began))
+}
+
+/// The same of what a task waits for.
+fn text_of_missing(missing: Option<Missing>) -> String {
+    missing.map_or("None".into(), |missing| match missing {
+        Missing::SteadyGrip => "Some(Rest)".into(),
+        other => format!("Some({other:?})"),
+    })
 }

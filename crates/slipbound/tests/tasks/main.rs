@@ -30,7 +30,7 @@ fn a_task_that_cannot_begin_says_what_it_waits_for() {
         (SlipState::Unjudged, Jaws::Holding, Missing::Sight),
         (SlipState::NoContact, Jaws::Holding, Missing::Contact),
         (SlipState::Stick, Jaws::Open, Missing::Hold),
-        (SlipState::Stick, Jaws::Holding, Missing::Rest),
+        (SlipState::Stick, Jaws::Holding, Missing::SteadyGrip),
     ] {
         let mut task = TaskSettings::default().task(TaskKind::Screw, None).expect("valid");
         assert_eq!(task.missing(), None);
@@ -40,6 +40,7 @@ fn a_task_that_cannot_begin_says_what_it_waits_for() {
         assert_eq!(task.missing(), Some(missing));
         assert!(!missing.in_words().is_empty());
     }
+    assert_eq!(Missing::SteadyGrip.in_words(), "the grip did not settle");
 }
 
 /// The fingers see nothing for a moment while the object is grasped: the force goes to the blind force, once, and back

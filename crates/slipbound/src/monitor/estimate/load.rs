@@ -8,7 +8,7 @@ use crate::smoothing;
 
 /// Largest apparent load of a squeeze alone, as a share of the grip force: a camera tilted by 40 deg sees 0.03, one
 /// that looks straight 0.01 (simulated; the squeezed volume of a bonded layer grows in proportion to the force).
-const MOST_TARE_FRACTION: f64 = 0.06;
+const MOST_SQUEEZE_FRACTION: f64 = 0.06;
 
 /// Time constant with which the area beyond a border marker joins the contact, s: a marker that enters and leaves the
 /// contact must not make the load jump.
@@ -74,7 +74,7 @@ pub(super) struct Load {
     /// Sum over all markers of displacement from rest times area, px3.
     pub sum_px3: Vec2,
     /// Part of the sum due to the squeeze: for a grip force of 1 N where that is known, else in total.
-    tare_px3: Vec2,
+    squeeze_px3: Vec2,
     per_newton: bool,
 }
 
@@ -105,14 +105,14 @@ impl Load {
         Load {
             patches: markers.iter().map(patch).collect(),
             sum_px3: Vec2::ZERO,
-            tare_px3: Vec2::ZERO,
+            squeeze_px3: Vec2::ZERO,
             per_newton: false,
         }
     }
 
     /// A new contact.
     pub fn clear(&mut self) {
-        (self.sum_px3, self.tare_px3, self.per_newton) = (Vec2::ZERO, Vec2::ZERO, false);
+        (self.sum_px3, self.squeeze_px3, self.per_newton) = (Vec2::ZERO, Vec2::ZERO, false);
         self.patches.iter_mut().for_each(|patch| patch.joined_fraction = 0.0);
     }
 
@@ -132,8 +132,8 @@ impl Load {
         self.sum_px3 = self.weighed(markers).fold(Vec2::ZERO, |sum, (m, area)| sum + m.now_from_rest() * area);
     }
 
-    /// Tares the load: these displacements from rest, without load, are due to the squeeze alone.
-    pub fn tare(
+    /// From here on the load does not include these displacements from rest, which are due to the squeeze alone.
+    pub fn subtract_squeeze(
         &mut self,
         from_rest: impl Fn(&Marker) -> Vec2,
         markers: &[Marker],
@@ -141,17 +141,17 @@ impl Load {
         stiffness_over_grip: Option<f64>,
     ) {
         self.per_newton = grip_n.is_some_and(|n| n > 0.0);
-        let most = stiffness_over_grip.map_or(f64::MAX, |k| MOST_TARE_FRACTION / k);
+        let most = stiffness_over_grip.map_or(f64::MAX, |k| MOST_SQUEEZE_FRACTION / k);
         let sum_px3 = self.weighed(markers).fold(Vec2::ZERO, |sum, (m, area)| sum + from_rest(m) * area);
         let length = sum_px3.length();
         let kept = if length > most { most / length } else { 1.0 };
-        self.tare_px3 = sum_px3 * kept / grip_n.filter(|n| *n > 0.0).unwrap_or(1.0);
+        self.squeeze_px3 = sum_px3 * kept / grip_n.filter(|n| *n > 0.0).unwrap_or(1.0);
     }
 
     /// Load in the plane, px3.
     pub fn force_px3(&self, grip_n: Option<f64>) -> Vec2 {
         let times = if self.per_newton { grip_n.unwrap_or(0.0) } else { 1.0 };
-        self.sum_px3 - self.tare_px3 * times
+        self.sum_px3 - self.squeeze_px3 * times
     }
 
     /// Share of the contact, counted in markers, that is at the border of the view.
