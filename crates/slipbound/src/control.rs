@@ -9,9 +9,9 @@
 //!
 //! Guarantee: a fault of software or of a link never opens a hand. While gripper or wrist have a fault (a lost link, no
 //! answer, a refusal, a latched fast stop, a force that does not follow) the wrist is paused, the force is kept (a
-//! command that the gripper does not reach may fall to what it exerts), and
-//! the loop continues to judge frames and waits, for up to ten seconds. On any other error the loop ends: the wrist is
-//! paused first, and the gripper keeps its force, or raises it to the blind force if that is set and higher.
+//! command that the gripper does not reach may fall to what it exerts), and the loop continues to judge frames and
+//! waits, for up to ten seconds. On any other error the loop ends: the wrist is paused first, and the gripper keeps its
+//! force, or raises it to the blind force if that is set and higher.
 //!
 //! The loop has no clock and no threads. Its driver calls [`ControlLoop::cycle`] when frames are due and
 //! [`Gripper::poll_io`] every few ms in between: `slipbound_rig::realtime` for hardware, `slipbound_lab::lockstep` for
@@ -42,6 +42,26 @@ use fault::{FaultLog, ForceShortfall};
 
 /// A pause of the wrist, whatever it is doing.
 const PAUSE: WristCommand = WristCommand::new(WristMotion::Pause);
+
+/// Gripper and wrist at the beginning of a cycle.
+struct Polled {
+    /// State of the gripper as it was read: the record contains it.
+    state: GripperState,
+    /// The same with its force corrected: the loop uses it.
+    sensed: GripperState,
+    wrist_state: WristState,
+    /// Why the wrist could not be polled; its state is then its last one.
+    wrist_fault: Option<Fault>,
+}
+
+/// The step of a cycle.
+struct Decided {
+    step: TaskStep,
+    /// The fault that is present, if any.
+    fault: Option<Fault>,
+    /// Whether it is the step on a fault, present or just over.
+    on_fault: bool,
+}
 
 /// What became of the commands of a cycle.
 #[derive(Debug, PartialEq)]
@@ -178,28 +198,12 @@ impl ControlLoop {
         gripper: &mut dyn Gripper,
         wrist: &mut dyn Wrist,
     ) -> Result<CycleOutcome, ControlError> {
-        let state = gripper.poll().map_err(Fault::of_gripper).and_then(|state| self.usable(state));
-        // A wrist that cannot be polled is taken to stand at its last position; the grip still reacts to slip.
-        let wrist_known = match (wrist.poll().map_err(Fault::of_wrist), self.wrist) {
-            (Ok(state), _) => Ok((state, None)),
-            (Err(fault), Some(last)) => Ok((WristState { moving: false, ..last }, Some(fault))),
-            (Err(fault), None) => Err(fault),
-        };
-        self.wrist = wrist_known.as_ref().ok().map(|(state, _)| *state);
-        let known = state.and_then(|state| wrist_known.map(|(wrist_state, fault)| (state, wrist_state, fault)));
-        // The loop uses the corrected state; the record contains the raw one.
-        let sensed = known.as_ref().ok().map(|(state, ..)| match self.last_step {
-            None => self.force.rest(state, !self.is_unloaded()),
-            Some(_) => self.force.see(now_ns, state, true),
-        });
-        if let Some(state) = &sensed {
-            self.grip = state.pressed_n().map(|force_n| GripSample { force_n });
-        }
+        let polled = self.poll(now_ns, gripper, wrist);
         if !self.look()? {
             return Ok(CycleOutcome::SourceEnded);
         }
-        let (state, wrist_state, wrist_fault) = match known {
-            Ok(known) => known,
+        let Polled { state, sensed, wrist_state, wrist_fault } = match polled {
+            Ok(polled) => polled,
             Err(fault) => {
                 self.raise_fault(now_ns, fault, wrist)?;
                 return Ok(CycleOutcome::Waiting);
@@ -211,20 +215,9 @@ impl ControlLoop {
         }
         let hand = self.hand.report(now_ns);
         self.slips.see(&SlipObservation::of_hand(now_ns, &hand));
-        let sensed = sensed.unwrap_or(state);
-        let step = self.task.step(&Observation { now_ns, hand: &hand, gripper: &sensed, wrist: &wrist_state });
-        let shortfall = self.shortfall.check(now_ns, &sensed, &step);
-        // A force that the gripper does not reach need not be kept.
-        let pressed_n = sensed.force_n.filter(|_| shortfall.is_some());
-        let fault = shortfall.or(wrist_fault);
-        let on_fault = fault.is_some() || self.faults.current().is_some();
-        let step = if on_fault { self.step_on_fault(step, pressed_n) } else { step };
-        self.last_step = Some(step);
-        let sent = self.command(&step, &sensed, gripper, wrist);
-        match sent.fault.or(fault) {
-            Some(fault) => self.raise_fault(now_ns, fault, wrist)?,
-            None => self.faults.clear(now_ns),
-        }
+        let observation = Observation { now_ns, hand: &hand, gripper: &sensed, wrist: &wrist_state };
+        let Decided { step, fault, on_fault } = self.decide(&observation, wrist_fault);
+        let refused_lowering = self.send(&observation, &step, fault, gripper, wrist)?;
         let grip = self.task.grip();
         Ok(CycleOutcome::Commanded(Cycle {
             time_ns: now_ns,
@@ -241,8 +234,57 @@ impl ControlLoop {
             truth: None,
             fault: self.faults.current().is_some(),
             on_fault,
-            refused_lowering: sent.refused_lowering,
+            refused_lowering,
         }))
+    }
+
+    /// Polls gripper and wrist; a fault where one of them gives no usable state.
+    fn poll(&mut self, now_ns: u64, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) -> Result<Polled, Fault> {
+        let state = gripper.poll().map_err(Fault::of_gripper).and_then(|state| self.usable(state));
+        // A wrist that cannot be polled is taken to stand at its last position; the grip still reacts to slip.
+        let wrist_known = match (wrist.poll().map_err(Fault::of_wrist), self.wrist) {
+            (Ok(state), _) => Ok((state, None)),
+            (Err(fault), Some(last)) => Ok((WristState { moving: false, ..last }, Some(fault))),
+            (Err(fault), None) => Err(fault),
+        };
+        self.wrist = wrist_known.as_ref().ok().map(|(state, _)| *state);
+        let (state, (wrist_state, wrist_fault)) = (state?, wrist_known?);
+        let sensed = match self.last_step {
+            None => self.force.rest(&state, !self.is_unloaded()),
+            Some(_) => self.force.see(now_ns, &state, true),
+        };
+        self.grip = sensed.pressed_n().map(|force_n| GripSample { force_n });
+        Ok(Polled { state, sensed, wrist_state, wrist_fault })
+    }
+
+    /// The step of the task, or that on a fault.
+    fn decide(&mut self, observation: &Observation<'_>, wrist_fault: Option<Fault>) -> Decided {
+        let step = self.task.step(observation);
+        let shortfall = self.shortfall.check(observation.now_ns, observation.gripper, &step);
+        // A force that the gripper does not reach need not be kept.
+        let pressed_n = observation.gripper.force_n.filter(|_| shortfall.is_some());
+        let fault = shortfall.or(wrist_fault);
+        let on_fault = fault.is_some() || self.faults.current().is_some();
+        let step = if on_fault { self.step_on_fault(step, pressed_n) } else { step };
+        self.last_step = Some(step);
+        Decided { step, fault, on_fault }
+    }
+
+    /// Sends the commands; raises or clears the fault. Returns whether the gripper refused to lower its force.
+    fn send(
+        &mut self,
+        observation: &Observation<'_>,
+        step: &TaskStep,
+        fault: Option<Fault>,
+        gripper: &mut dyn Gripper,
+        wrist: &mut dyn Wrist,
+    ) -> Result<bool, ControlError> {
+        let sent = self.command(step, observation.gripper, gripper, wrist);
+        match sent.fault.or(fault) {
+            Some(fault) => self.raise_fault(observation.now_ns, fault, wrist)?,
+            None => self.faults.clear(observation.now_ns),
+        }
+        Ok(sent.refused_lowering)
     }
 
     /// Judges every finger's newest frame and passes the reports to the hand. False when a source has ended.
