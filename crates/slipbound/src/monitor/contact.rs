@@ -120,48 +120,78 @@ impl Contact {
 
     /// Finds the region in a frame. `markers`: as they were last seen.
     pub(super) fn find(&mut self, imprint: &Imprint, markers: &[Marker]) {
+        let changed_px2 = self.measure(imprint, markers);
+        let share = self.share(changed_px2);
+        let seen = share > self.settings.on_area_fraction
+            || (self.touches && !self.by_displacement && share >= self.settings.off_area_fraction);
+        let as_at_start = self.held_unseen && self.is_as_at_start();
+        self.held_unseen = self.held_unseen && (seen || as_at_start);
+        if seen && std::mem::take(&mut self.starts_in_contact) {
+            self.untouched = Untouched::Unseen;
+        }
+        self.update_displaced(seen, markers);
+        self.strength = self.strength.clamp(0.0, 1.0);
+        // Changes elsewhere do not belong to a contact that only displacement shows.
+        let by_picture = seen || self.displaced.is_none();
+        let share = self.share(if by_picture { changed_px2 } else { 0.0 });
+        self.count_frames(share);
+        self.update_state(seen, share);
+        if !self.touches {
+            self.region.clear();
+            self.area_px2 = 0;
+            self.strength = 0.0;
+        }
+        self.middle_px = if self.by_displacement { None } else { self.region.middle_px() };
+    }
+
+    /// Measures region, area and strength in the image alone. Returns how much of the gel has changed, px2: more than
+    /// the region for a light touch; 0 where that is not known.
+    fn measure(&mut self, imprint: &Imprint, markers: &[Marker]) -> f64 {
         let changed_px2;
         (self.strength, changed_px2) = match &mut self.finder {
             RegionFinder::Texture(texture) => {
                 let edges = texture.find(imprint, &mut self.region);
-                (edges / FULL_EDGE_SHARE, None)
+                (edges / FULL_EDGE_SHARE, 0.0)
             }
             RegionFinder::Shading(shading) => {
                 let level = self.settings.change_levels;
                 let share = self.settings.change_fraction as f32;
                 let places = markers.iter().map(|m| m.now);
                 let (mean, changed_px2) = shading.find(&imprint.cells, places, level as f32, share, &mut self.region);
-                (mean / level - 1.0, Some(changed_px2))
+                (mean / level - 1.0, changed_px2)
             }
         };
-        let on = self.settings.on_area_fraction;
-        let whole_px2 = self.region.size().area() as f64;
         self.area_px2 = self.region.area_px2();
-        // A light touch changes more of the gel than it touches.
-        let of_region = |area_px2: usize| (area_px2 as f64).max(changed_px2.unwrap_or(0.0)) / whole_px2;
-        let share = of_region(self.area_px2);
-        let seen = share > on || (self.touches && !self.by_displacement && share >= self.settings.off_area_fraction);
-        let as_at_start = self.held_unseen && self.is_as_at_start();
-        self.held_unseen = self.held_unseen && (seen || as_at_start);
-        if seen && std::mem::take(&mut self.starts_in_contact) {
-            self.untouched = Untouched::Unseen;
+        changed_px2
+    }
+
+    /// Share of the gel in view that the region takes, or that has changed, whichever is larger.
+    fn share(&self, changed_px2: f64) -> f64 {
+        (self.area_px2 as f64).max(changed_px2) / self.region.size().area() as f64
+    }
+
+    /// Where the image shows no contact (`seen`), the markers that are displaced may.
+    fn update_displaced(&mut self, seen: bool, markers: &[Marker]) {
+        let Some(displaced) = &mut self.displaced else { return };
+        if seen {
+            displaced.reset_baseline(markers);
+        } else if self.untouched == Untouched::AtRest {
+            self.strength = displaced.find(markers, &mut self.region);
+            self.area_px2 = self.region.area_px2();
         }
-        if let Some(displaced) = &mut self.displaced {
-            if seen {
-                displaced.reset_baseline(markers);
-            } else if self.untouched == Untouched::AtRest {
-                self.strength = displaced.find(markers, &mut self.region);
-                self.area_px2 = self.region.area_px2();
-            }
-        }
-        self.strength = self.strength.clamp(0.0, 1.0);
-        // Changes elsewhere do not belong to a contact that only displacement shows.
-        let by_picture = seen || self.displaced.is_none();
-        let share = if by_picture { of_region(self.area_px2) } else { self.area_px2 as f64 / whole_px2 };
+    }
+
+    /// Counts the frames in a row in which a contact may begin, and end.
+    fn count_frames(&mut self, share: f64) {
+        let ContactSettings { on_area_fraction, off_area_fraction, .. } = self.settings;
+        self.frames_above_count = if share > on_area_fraction { self.frames_above_count + 1 } else { 0 };
+        self.frames_below_count = if share < off_area_fraction { self.frames_below_count + 1 } else { 0 };
+    }
+
+    /// Whether the finger is touched, how that is known, and what is known of the untouched finger.
+    fn update_state(&mut self, seen: bool, share: f64) {
         let off_fraction = self.settings.off_area_fraction;
         let off = share < off_fraction;
-        self.frames_above_count = if share > on { self.frames_above_count + 1 } else { 0 };
-        self.frames_below_count = if off { self.frames_below_count + 1 } else { 0 };
         let missed = self.untouched == Untouched::Unseen
             && self.frames_below_count < START_MISSED_FRAMES_COUNT
             && share >= START_GONE_SHARE * off_fraction;
@@ -180,12 +210,6 @@ impl Contact {
             Untouched::Now if self.touches => Untouched::AtRest,
             known => known,
         };
-        if !self.touches {
-            self.region.clear();
-            self.area_px2 = 0;
-            self.strength = 0.0;
-        }
-        self.middle_px = if self.by_displacement { None } else { self.region.middle_px() };
     }
 
     /// Whether the finger shows for the first time how it is untouched, and nothing begins to touch it.
