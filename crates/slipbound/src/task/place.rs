@@ -136,8 +136,7 @@ impl Place {
     }
 
     fn work(&mut self, observation: &Observation<'_>) {
-        let hand = observation.hand;
-        let allowed = self.settings.allowed.filter(hand);
+        let allowed = self.settings.allowed.filter(observation.hand);
         let grip = match self.touched_ns {
             None => self.grip.decide(observation.now_ns, &allowed, observation.gripper),
             Some(_) => self.grip.hold(observation.now_ns, &allowed, observation.gripper, self.settings.laying_n),
@@ -147,12 +146,26 @@ impl Place {
             self.phase = Phase::Ended(Ending::Lost);
             return;
         }
-        let lowered_mm = observation.wrist.lowered_mm;
-        if lowered_mm - *self.start_mm.get_or_insert(lowered_mm) >= self.settings.most_mm {
+        if self.lowered_too_far(observation.wrist.lowered_mm) {
             self.phase = Phase::Ended(Ending::Limit);
             return;
         }
         self.phase = if self.last.arm == ArmMotion::Go { Phase::Working } else { Phase::Waiting };
+        let Some(touched_ns) = self.feel_touch(observation, &allowed) else { return };
+        if !self.waits_for_loose_grip(observation, touched_ns) && self.last.arm == ArmMotion::Go {
+            self.confirm_carried(observation);
+        }
+    }
+
+    /// Whether it has been lowered by the most that the settings allow.
+    fn lowered_too_far(&mut self, lowered_mm: f64) -> bool {
+        lowered_mm - *self.start_mm.get_or_insert(lowered_mm) >= self.settings.most_mm
+    }
+
+    /// When the object touched the ground, ns: from then on the grip is loose. None before, and while the fingers do not
+    /// feel the object.
+    fn feel_touch(&mut self, observation: &Observation<'_>, allowed: &HandReport) -> Option<u64> {
+        let hand = observation.hand;
         let felt_ns = *self.felt_ns.get_or_insert(observation.now_ns);
         let is_long_ago = observation.now_ns.saturating_sub(felt_ns) > APART_NS;
         let Some(turned_rad) = self.ground.turned_rad(observation.now_ns, hand) else {
@@ -160,7 +173,7 @@ impl Place {
             if self.touched_ns.is_some() || is_long_ago {
                 self.phase = Phase::Waiting;
             }
-            return;
+            return None;
         };
         self.felt_ns = Some(observation.now_ns);
         if is_long_ago {
@@ -171,29 +184,35 @@ impl Place {
         if self.touched_ns.is_none() && self.turned_cycles_count >= SURE_CYCLES_COUNT {
             // It rests on one end and turns; a loose grip keeps the force of the ground small.
             self.touched_ns = Some(observation.now_ns);
-            let grip = self.grip.hold(observation.now_ns, &allowed, observation.gripper, self.settings.laying_n);
+            let grip = self.grip.hold(observation.now_ns, allowed, observation.gripper, self.settings.laying_n);
             self.command(grip, observation.now_ns);
         }
-        let Some(touched_ns) = self.touched_ns else { return };
+        self.touched_ns
+    }
+
+    /// Whether the gripper does not hold loosely yet; ends the task when it has not for too long.
+    fn waits_for_loose_grip(&mut self, observation: &Observation<'_>, touched_ns: u64) -> bool {
         if observation.now_ns.saturating_sub(touched_ns) < self.settings.loosen_ns {
             self.phase = Phase::Waiting;
-            return;
+            return true;
         }
         if self.grip.is_raised() || !arrived(self.last.force_n, observation.gripper) {
             // With a firm grip the gels do not measure the ground force: nothing is released because of it.
             let since_ns = self.changed_ns.max(touched_ns + self.settings.loosen_ns);
             let late = observation.now_ns.saturating_sub(since_ns) > LATE_NS;
             self.phase = if late { Phase::Ended(Ending::GripStays) } else { Phase::Waiting };
-            return;
+            return true;
         }
-        if self.last.arm == ArmMotion::Pause {
-            return;
-        }
+        false
+    }
+
+    /// Counts the cycles in which the ground carries the object, and releases it after enough of them.
+    fn confirm_carried(&mut self, observation: &Observation<'_>) {
         let carried_count = self.carried_cycles_count;
         let push_mm = self.ground.push_mm(observation.now_ns, carried_count > 0);
         // A cycle that does not feel it subtracts one: on rigid ground one more step down adds half a newton or more.
         self.carried_cycles_count =
-            if self.carried(hand, push_mm) { carried_count + 1 } else { carried_count.saturating_sub(1) };
+            if self.carried(observation.hand, push_mm) { carried_count + 1 } else { carried_count.saturating_sub(1) };
         self.phase = match self.carried_cycles_count {
             0 => Phase::Working,
             // Further lowering would press it onto the ground.
