@@ -193,21 +193,34 @@ impl Friction {
         self.information = (self.information + information).min(MAX_INFORMATION);
     }
 
+    /// Takes grip force and load of a frame into the largest ones. Returns how far the logarithms of both have fallen
+    /// since, beyond what counts.
+    fn update_maxima(&mut self, sample: &FrictionSample, log_grip: f64) -> (f64, f64) {
+        let most_log_grip = self.most_log_grip.map_or(log_grip, |most| most.max(log_grip));
+        self.most_log_grip = Some(most_log_grip);
+        let log_load_n = libm::log((sample.per_grip * sample.grip_n).max(1e-6));
+        let most_log_load_n = self.most_log_load_n.map_or(log_load_n, |most| most.max(log_load_n));
+        self.most_log_load_n = Some(most_log_load_n);
+        let load_fallen =
+            if sample.imprint_slides { 0.0 } else { (most_log_load_n - log_load_n - LOAD_FALLEN_LOG).max(0.0) };
+        ((most_log_grip - log_grip - GRIP_FALLEN_LOG).max(0.0), load_fallen)
+    }
+
+    /// Weight of a frame, `elapsed_s` after the last, in the friction. `seen`: share of the slip that its field shows,
+    /// where it does not show all of it.
+    fn frame_weight(&mut self, log_load: f64, elapsed_s: f64, seen: Option<f64>) -> f64 {
+        let own = if self.is_independent(log_load) { 1.0 } else { (elapsed_s / CORRELATION_S).min(1.0) };
+        own * seen.map_or(1.0, |seen| REGRIPPED_SHARE * seen)
+    }
+
     /// Adds a frame. Returns the friction, once there is enough information, and `used` combined with what was known
     /// before.
     pub fn see(&mut self, sample: &FrictionSample, used: Estimate) -> (Option<Estimate>, Estimate) {
         let load = (sample.per_grip / sample.indentation_gain).max(1e-6);
         let (log_load, log_grip) = (libm::log(load), libm::log(sample.grip_n.max(0.1)));
         self.last_log_load_grip = Some((log_load, log_grip));
-        let most_log_grip = self.most_log_grip.map_or(log_grip, |most| most.max(log_grip));
-        self.most_log_grip = Some(most_log_grip);
-        let grip_fallen = (most_log_grip - log_grip - GRIP_FALLEN_LOG).max(0.0);
+        let (grip_fallen, load_fallen) = self.update_maxima(sample, log_grip);
         let left_log_sd = GRIP_FALLEN_LOG_SD * grip_fallen * (GRIP_FALLEN_PER_GRIP / load).min(1.0);
-        let log_load_n = libm::log((sample.per_grip * sample.grip_n).max(1e-6));
-        let most_log_load_n = self.most_log_load_n.map_or(log_load_n, |most| most.max(log_load_n));
-        self.most_log_load_n = Some(most_log_load_n);
-        let load_fallen =
-            if sample.imprint_slides { 0.0 } else { (most_log_load_n - log_load_n - LOAD_FALLEN_LOG).max(0.0) };
         let log_used_sd = libm::hypot(sample.log_used_sd, libm::hypot(left_log_sd, LOAD_FALLEN_LOG_SD * load_fallen));
         let (log_used, used) = lean(log_load, log_used_sd, used);
         let elapsed_s = self.seen_s.map(|seen_s| sample.at_s - seen_s).filter(|s| *s > 0.0).unwrap_or(FRAME_S);
@@ -216,10 +229,9 @@ impl Friction {
         let seen = seen.or(Some(1.0).filter(|_| (grip_fallen > 0.0 || load_fallen > 0.0) && self.information > 0.0));
         // A frame without new motion gives no new information.
         if used.age_frames == 0 {
-            let own = if self.is_independent(log_load) { 1.0 } else { (elapsed_s / CORRELATION_S).min(1.0) };
-            let share = own * seen.map_or(1.0, |seen| REGRIPPED_SHARE * seen);
+            let weight = self.frame_weight(log_load, elapsed_s, seen);
             let log_sd = libm::hypot(log_used_sd, LOAD_NOISE_PER_GRIP / sample.per_grip.max(1e-6));
-            self.take(log_load - log_used, log_sd, share, log_grip);
+            self.take(log_load - log_used, log_sd, weight, log_grip);
         }
         let information = self.information_at(log_grip);
         let log_mu = (information * self.log_mu + PRIOR_INFORMATION * PRIOR_LOG_MU) / (information + PRIOR_INFORMATION);
@@ -228,13 +240,20 @@ impl Friction {
         let known = Estimate { value, sd: value * (information + PRIOR_INFORMATION).recip().sqrt(), age_frames: 0 };
         let friction = Some(known).filter(|_| information >= MIN_INFORMATION);
         let Some(seen) = seen else { return (friction, used) };
-        let of_frame = seen / (log_used_sd * log_used_sd);
-        let of_memory = information + (1.0 - seen) * PRIOR_INFORMATION;
-        let all = of_frame + of_memory;
-        let log_used = (of_frame * log_used + of_memory * (log_load - libm::log(value))) / all;
-        let value = libm::exp(log_used).min(MAX_USED);
-        (friction, Estimate { value, sd: value * all.recip().sqrt(), ..used })
+        let (value, sd) = combine((log_used, log_used_sd), (log_load - libm::log(value), information), seen);
+        (friction, Estimate { value, sd, ..used })
     }
+}
+
+/// The used fraction and its standard deviation, from that of a frame (logarithm and its standard deviation) and that by
+/// memory (logarithm and information). `seen`: share of the slip that the field of the frame shows.
+fn combine(frame: (f64, f64), memory: (f64, f64), seen: f64) -> (f64, f64) {
+    let ((log_used, log_used_sd), (remembered_log_used, information)) = (frame, memory);
+    let of_frame = seen / (log_used_sd * log_used_sd);
+    let of_memory = information + (1.0 - seen) * PRIOR_INFORMATION;
+    let all = of_frame + of_memory;
+    let value = libm::exp((of_frame * log_used + of_memory * remembered_log_used) / all).min(MAX_USED);
+    (value, value * all.recip().sqrt())
 }
 
 #[cfg(test)]
