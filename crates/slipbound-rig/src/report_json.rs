@@ -118,8 +118,8 @@ pub fn frame_line(finger: &str, frame: u64, report: &SlipReport, markers: Option
     Ok(line)
 }
 
-/// The report of a line that [`frame_line`] has made, its numbers as exact as they were written; None for the header. Fails where
-/// a number was not finite, for then null stands in its place.
+/// For programs that read reports: the report of a line that [`frame_line`] has made, its numbers as exact as they were
+/// written; None for the header. Fails where a number was not finite, for then null stands in its place.
 pub fn read_frame(line: &str) -> serde_json::Result<Option<SlipReport>> {
     let is_header = serde_json::from_str::<Format>(line)?.format.is_some();
     if is_header { Ok(None) } else { serde_json::from_str(line).map(Some) }

@@ -308,10 +308,10 @@ impl Sensor {
         Vec2::new(x, y)
     }
 
-    /// The tangential force of a sum of marker displacements in rectified px, in newtons; None for a finger whose shear
-    /// stiffness was not measured.
-    pub fn shear_force_n(&self, displacement_sum_px: Vec2) -> Option<Vec2> {
-        self.shear.as_ref().map(|s| displacement_sum_px * (s.stiffness_n_per_pitch / self.pitch_px))
+    /// Tangential force, N, per displacement of the gel's surface in rectified px and area in px2; None for a finger
+    /// whose shear stiffness was not measured.
+    pub fn shear_stiffness_n_per_px3(&self) -> Option<f64> {
+        self.shear.as_ref().map(|s| s.stiffness_n_per_pitch / (self.pitch_px * self.pitch_px * self.pitch_px))
     }
 
     /// Shear traction per displacement of the gel's surface in MPa/mm = N/mm2 per mm, for a wide layer its shear modulus

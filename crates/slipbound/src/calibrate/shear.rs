@@ -141,14 +141,19 @@ mod tests {
         let shear = shear_stiffness(&sensor, &held(), &hanging, 204.0, 2, "clip.avi").expect("measured");
         let told = "204 g shared by 2 fingers, held in frames 0 to 8 and hanging in frames 20 to 28 of clip.avi";
         assert!(shear.provenance.contains(told), "{}", shear.provenance);
-        assert_eq!(sensor.shear_force_n(Vec2::new(0.0, 60.0)), None, "it was not measured");
+        assert_eq!(sensor.shear_stiffness_n_per_px3(), None, "it was not measured");
+        // Each marker stands for a pitch squared.
+        let force_n = |sensor: &Sensor, sum_px: f64| {
+            let stiffness = sensor.shear_stiffness_n_per_px3().expect("measured");
+            stiffness * sum_px * sensor.pitch_px * sensor.pitch_px
+        };
         let sensor = Sensor { shear: Some(shear), ..sensor };
         sensor.check().expect("possible");
-        let force = sensor.shear_force_n(Vec2::new(0.0, 30.0)).expect("measured");
-        assert!((force.y - 0.204 * 9.80665 / 4.0).abs() < 1e-9 && force.x == 0.0, "{force:?}");
+        let force = force_n(&sensor, 30.0);
+        assert!((force - 0.204 * 9.80665 / 4.0).abs() < 1e-9, "{force}");
         // Twice the pixels of the same finger: twice the sum, the same newtons.
         let large = sensor.at_size(crate::image::SizePx::new(640, 480)).expect("same shape");
-        assert!((large.shear_force_n(Vec2::new(0.0, 60.0)).expect("measured") - force).length() < 1e-9);
+        assert!((force_n(&large, 60.0) - force).abs() < 1e-9);
     }
 
     #[test]

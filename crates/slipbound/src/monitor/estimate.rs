@@ -133,10 +133,7 @@ impl Estimator {
             pitch_px: sensor.pitch_px,
             drag_width_px,
             mm_per_px: sensor.mm_per_px(),
-            stiffness_n_per_px3: sensor
-                .shear
-                .as_ref()
-                .map(|s| s.stiffness_n_per_pitch / (sensor.pitch_px * sensor.pitch_px * sensor.pitch_px)),
+            stiffness_n_per_px3: sensor.shear_stiffness_n_per_px3(),
             inside,
             trees: prediction::shipped(),
             reference: Reference::new(markers),

@@ -114,7 +114,8 @@ impl Components {
         }
     }
 
-    /// Clears the components of fewer than `min_area_px2` pixels.
+    /// Clears the components of fewer than `min_area_px2` pixels. The method does not need it; the comparison with other
+    /// implementations does (`examples/parity.rs`).
     pub fn remove_small(&mut self, mask: &mut Mask, min_area_px2: usize) {
         self.retain(mask, |c| c.area_px2 >= min_area_px2);
     }

@@ -55,7 +55,8 @@ impl Gaussian {
         self.each_row(src, |y, row| out[y * row.len()..][..row.len()].copy_from_slice(row));
     }
 
-    /// Smooths into whole levels, rounded to the nearest.
+    /// Smooths into whole levels, rounded to the nearest. The method does not need it; the comparison with other
+    /// implementations does (`examples/parity.rs`).
     pub fn to_u8(&mut self, src: &[u8], out: &mut [u8]) {
         assert_eq!(out.len(), self.size.area(), "output of another size");
         self.each_row(src, |y, row| {
