@@ -1,8 +1,8 @@
-//! Step 4: measured minus rigid displacement -> slip field and verdict.
+//! Step 4: measured minus rigid displacement -> slip field, and the verdict of the rule `markers`.
 //!
 //! ```text
-//!    measured (yellow)  -  rigid (red)  =  slip field (black)     over the threshold: purple
-//!       ---->                ------>          <--                 more than N of them: incipient slip
+//!    measured (yellow)  -  rigid (blue)  =  slip field (black)     over the threshold: purple
+//!       ---->                ------>           <--      more than N of them: incipient slip (rule `markers`)
 //! ```
 
 use crate::image::Mask;
@@ -43,13 +43,17 @@ pub struct SlipSettings {
     pub alarm_margin_fraction: f64,
     /// Rule `margin`: it ends above this margin.
     pub clear_margin_fraction: f64,
-    /// How the rigid displacement is computed.
+    /// How the rigid displacement of the slip field is computed. Rule `markers`; under `margin` as `threshold_pitch`.
     pub field: RigidField,
-    /// A marker slips when its slip field is longer than this many pitches. The paper's code: 4.5 px at 15.2 px.
+    /// Rule `markers`: a marker slips when its slip field is longer than this many pitches. The paper's code: 4.5 px at
+    /// 15.2 px. Under `margin` it is only shown in overlay and report, and counts in a hand of several fingers where they
+    /// know no margin.
     pub threshold_pitch: f64,
-    /// Incipient slip is more than this share of all markers at once. The paper's code: 7 of 400.
+    /// Rule `markers`: incipient slip is more than this share of all markers at once. The paper's code: 7 of 400. Under
+    /// `margin` as `threshold_pitch`.
     pub over_fraction: f64,
-    /// Fewest markers for incipient slip: a single one may be defective.
+    /// Rule `markers`: fewest markers for incipient slip, since a single one may be defective. Under `margin` as
+    /// `threshold_pitch`.
     pub over_min_count: u32,
 }
 
