@@ -1,4 +1,4 @@
-//! Time that each step of the monitor takes, measured through its [`Probe`]: the only clock that times the method.
+//! Time that each step of the monitor takes, measured through its [`Probe`]. The time of the whole loop: `realtime/latency.rs`.
 
 use crate::line_file::LineFile;
 use slipbound::monitor::{Probe, SlipMonitor, SlipReport, Step};

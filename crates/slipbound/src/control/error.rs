@@ -77,7 +77,10 @@ impl fmt::Display for ControlError {
             ControlError::Monitor { finger } => write!(f, "{finger}: the thread of its monitor has broken down"),
             ControlError::Fault { fault, waited_ns: 0 } => write!(f, "{fault}"),
             ControlError::Fault { fault, waited_ns } => write!(f, "{fault}; waited {} s", waited_ns / 1_000_000_000),
-            ControlError::Interrupted => f.write_str("interrupted; the wrist was paused, the gripper keeps its force"),
+            ControlError::Interrupted => f.write_str(
+                "interrupted; the wrist was paused, the gripper keeps its force, or holds with grip.blind_force_n if that is \
+                 higher",
+            ),
         }
     }
 }

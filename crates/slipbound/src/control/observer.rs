@@ -1,4 +1,4 @@
-//! The fifth port: observers of the loop. Recorder, terminal, browser view, ROS and Python attach here.
+//! Observers of the loop: recorder, terminal, ROS and Python attach here.
 
 use super::cycle::{Cycle, CycleOutcome};
 use super::fault::Fault;

@@ -310,3 +310,9 @@ fn the_measured_grip_is_known_to_the_monitors_and_events_of_the_driver_are_shown
     assert_eq!(counts.0, [1, 0]);
     assert_eq!(control.grip.map(|grip| grip.force_n), Some(20.0));
 }
+
+#[test]
+fn the_error_of_an_interrupted_loop_tells_both_forces_that_the_gripper_may_hold() {
+    let told = ControlError::Interrupted.to_string();
+    assert!(told.contains("keeps its force, or holds with grip.blind_force_n if that is higher"), "{told}");
+}

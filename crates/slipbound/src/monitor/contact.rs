@@ -75,7 +75,7 @@ pub(super) struct Contact {
     pub(super) by_displacement: bool,
     /// The region; empty while nothing touches.
     pub(super) region: Mask,
-    /// Its area in px.
+    /// Its area, px2.
     pub(super) area_px2: usize,
     /// Its middle, px; None while nothing touches and where only displacement shows the contact, because that region
     /// moves with the markers.

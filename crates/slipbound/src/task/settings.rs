@@ -57,7 +57,7 @@ named!(ControllerKind, "controller", CONTROLLERS);
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct TaskSettings {
-    /// The controllers.
+    /// The controller.
     pub controller: ControllerKind,
     /// Force limits of every controller.
     pub grip: GripLimits,
@@ -118,8 +118,8 @@ impl TaskSettings {
         })
     }
 
-    /// A task, ready to be stepped. `stiffness_mpa_per_mm` is that of the
-    /// fingers' gels against shear, which `margin` needs: [`Sensor::shear_stiffness_mpa_per_mm`](crate::sensor::Sensor).
+    /// A task, ready to be stepped. `stiffness_mpa_per_mm` is that of the fingers' gels against shear, which `margin`
+    /// needs: [`Sensor::shear_stiffness_mpa_per_mm`](crate::sensor::Sensor::shear_stiffness_mpa_per_mm).
     pub fn task(
         &self,
         kind: TaskKind,
