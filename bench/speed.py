@@ -234,10 +234,10 @@ def page(result, rows, growth, fingers, memory, frames_count):
             f"| {r['instructions_per_frame'] / 1e6:.2f} M "
             f"| {memory[finger]:.1f} |"
         )
-    lines += ["", "| finger | imprint | contact | markers | motion | slip, evidence | estimates | (us, medians of 30 frames in a row)", "|---|---|---|---|---|---|---|---|"]
+    lines += ["", "| finger | imprint | contact | markers | motion | slip | evidence | verdict | (us, medians of 30 frames in a row)", "|---|---|---|---|---|---|---|---|---|"]
     for finger in FINGERS:
         steps = result[finger]["steps_us_median"]
-        names = ["imprint", "contact", "markers", "motion", "slip", "estimates"]
+        names = ["imprint", "contact", "markers", "motion", "slip", "evidence", "verdict"]
         lines.append(f"| {finger} | " + " | ".join(f"{steps[name]:.0f}" for name in names) + " | |")
     median_ms = lambda name: sorted(row[name] for row in rows)[len(rows) // 2]
     lines += ["", "| others | ms | over ours: smooth | fabric | rectified |", "|---|---|---|---|---|"]

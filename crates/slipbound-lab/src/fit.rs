@@ -1,4 +1,4 @@
-//! Fits the tables behind stick ratio and margin (`slipbound::monitor`, step 5) and behind the gross slip verdict to
+//! Fits the tables behind stick ratio and margin (`slipbound::monitor`, step 6) and behind the gross slip verdict to
 //! simulated trials.
 //!
 //! ```text

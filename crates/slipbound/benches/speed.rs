@@ -202,16 +202,13 @@ fn measure(finger: &str, frames_count: usize) -> Value {
         as_long.extend(warm.copies_us(count, copies_a_step));
     }
     let mut recording = warm.recording;
-    let steps = [Step::Imprint, Step::Contact, Step::Markers, Step::Motion, Step::Slip];
+    let steps = [Step::Imprint, Step::Contact, Step::Markers, Step::Motion, Step::Slip, Step::Evidence, Step::Verdict];
     let mut probe = StepTimes { since: Instant::now(), times_us: steps.map(|s| (s, Vec::new())).into() };
-    // The remainder after the last of these steps: the estimates and the report.
-    let mut estimates = Vec::new();
     for _ in 0..frames_count.min(2000) {
         probe.since = Instant::now();
         recording.judge(&mut probe);
-        estimates.push(1e6 * probe.since.elapsed().as_secs_f64());
     }
-    let mut by_step: serde_json::Map<String, Value> = (probe.times_us.iter())
+    let by_step: serde_json::Map<String, Value> = (probe.times_us.iter())
         .map(|(step, times)| (format!("{step:?}").to_lowercase(), json!(turn_us(times))))
         .collect();
     let dearest_us = dearest_us(&whole);
@@ -219,7 +216,6 @@ fn measure(finger: &str, frames_count: usize) -> Value {
     recording.frame_ns = SLOW_FRAME_NS;
     let slow: Vec<f64> = (0..frames_count.min(900)).map(|_| timed_us(|| recording.judge(&mut ()))).collect();
     let (copy_us, median_us) = (quantile_us(&mut copies, 0.5), turn_us(&whole));
-    by_step.insert("estimates".into(), json!(turn_us(&estimates)));
     json!({
         "markers_count": recording.monitor.markers().len(), "frames_count": frames_count, "memcpy_us_median": copy_us,
         "step_us_median": median_us, "step_us_p999": quantile_us(&mut whole, 0.999),

@@ -69,7 +69,9 @@ fn bench(c: &mut Criterion) {
         let frames = recording(&painter);
         let mut monitor = monitor(&sensor, &settings, &painter);
         let mut group = c.benchmark_group(format!("{name}, {} markers", monitor.markers().len()));
-        let steps = [Step::Imprint, Step::Contact, Step::Markers, Step::Motion, Step::Slip].map(Some);
+        let steps =
+            [Step::Imprint, Step::Contact, Step::Markers, Step::Motion, Step::Slip, Step::Evidence, Step::Verdict]
+                .map(Some);
         for wanted in [None].into_iter().chain(steps) {
             let label = wanted.map_or("whole".to_string(), |s| format!("{s:?}").to_lowercase());
             group.bench_function(label, |b| {

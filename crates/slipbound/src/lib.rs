@@ -6,9 +6,11 @@
 //! rigid motion of the middle. That difference, the slip field, can be seen before the object slides.
 //!
 //! ```text
-//!   frame -> 0 imprint -> 1 contact region -> 2 marker displacement -> 3 rigid motion -> 4 slip field -> verdict
-//!            monitor/     monitor/            monitor/                 monitor/          monitor/
+//!   frame -> 0 imprint -> 1 contact region -> 2 marker displacement -> 3 rigid motion -> 4 slip field
 //!            imprint.rs   contact.rs          markers.rs               motion.rs         slip.rs
+//!
+//!         -> 5 evidence of sliding -> 6 estimates -> 7 verdict        each under monitor/
+//!            evidence.rs              estimate.rs    verdict.rs
 //! ```
 //!
 //! # A program

@@ -1,4 +1,4 @@
-//! The slip monitor: the four steps of the paper in their order, one frame at a time.
+//! The slip monitor: the steps of the method in their order, one frame at a time. Steps 1 to 4 are those of the paper.
 
 mod cell_map;
 mod contact;
@@ -40,7 +40,7 @@ use crate::sensor::{Sensor, Skin};
 use crate::setting::SettingError;
 use serde::Serialize;
 
-/// The steps of the method, for a [`Probe`].
+/// The steps of the method in the order in which they run, for a [`Probe`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Step {
@@ -52,8 +52,12 @@ pub enum Step {
     Markers,
     /// Step 3: rigid motion of the inner region.
     Motion,
-    /// Step 4: slip field and verdict.
+    /// Step 4: slip field.
     Slip,
+    /// Step 5: evidence of sliding.
+    Evidence,
+    /// Steps 6 and 7: estimates, and from them and the evidence alarm, gross slip and report.
+    Verdict,
 }
 
 impl Step {
@@ -65,6 +69,8 @@ impl Step {
             Step::Markers => "markers",
             Step::Motion => "motion",
             Step::Slip => "slip",
+            Step::Evidence => "evidence",
+            Step::Verdict => "verdict",
         }
     }
 }
@@ -74,7 +80,8 @@ pub trait Probe {
     /// A frame begins.
     fn begin(&mut self) {}
 
-    /// `step` is complete; the monitor's accessors return its result.
+    /// `step` is complete; the monitor's accessors return its result. A frame that cannot be judged ends with
+    /// [`Step::Verdict`] after the last step that it reached.
     fn after(&mut self, step: Step, monitor: &SlipMonitor);
 }
 
@@ -161,7 +168,10 @@ impl SlipMonitor {
         let due = self.schedule.see(frame.time_ns, self.contact.touches, self.markers.complete());
         if let Err(reason) = self.imprint.take(frame, due.contact || self.settings.markers.finder_needs_flat()) {
             self.schedule = schedule; // what was due is due in the next frame
-            return self.unjudged(frame.seq, frame.time_ns, grip, reason);
+            probe.after(Step::Imprint, self);
+            let report = self.unjudged(frame.seq, frame.time_ns, grip, reason);
+            probe.after(Step::Verdict, self);
+            return report;
         }
         if self.gap.see(frame.seq, frame.time_ns) {
             self.markers.lose_anchor();
@@ -181,7 +191,9 @@ impl SlipMonitor {
         probe.after(Step::Markers, self);
         if !self.markers.anchored && self.refusal.is_none() {
             let since_ns = self.gap.since_ns(frame.time_ns);
-            return self.unjudged(frame.seq, frame.time_ns, grip, Reason::Gap { since_ns });
+            let report = self.unjudged(frame.seq, frame.time_ns, grip, Reason::Gap { since_ns });
+            probe.after(Step::Verdict, self);
+            return report;
         }
 
         if self.contact.touches {
@@ -193,8 +205,10 @@ impl SlipMonitor {
 
         let area_px2 = self.contact.area_px2 as f64;
         self.slip.judge(self.motion.motion.as_ref(), &mut self.markers.all);
-        self.evidence.take(frame, &self.imprint, &self.contact, &self.markers.all, due);
         probe.after(Step::Slip, self);
+
+        self.evidence.take(frame, &self.imprint, &self.contact, &self.markers.all, due);
+        probe.after(Step::Evidence, self);
 
         self.estimate(frame, grip, area_px2);
 
@@ -212,6 +226,7 @@ impl SlipMonitor {
             }
             _ => {}
         }
+        probe.after(Step::Verdict, self);
         report
     }
 

@@ -4,7 +4,7 @@ mod picture;
 
 use picture::{Painter, Random, Touch, frame};
 use slipbound::image::{Frame, Gray, Pixels, SizePx};
-use slipbound::monitor::{Reason, RestBuilder, RestKind, Settings, SlipMonitor, SlipState};
+use slipbound::monitor::{Probe, Reason, RestBuilder, RestKind, Settings, SlipMonitor, SlipState, Step};
 use slipbound::plane::Vec2;
 use slipbound::sensor::{Polarity, Sensor, Skin};
 
@@ -185,4 +185,30 @@ fn settings_that_cannot_be_are_refused_by_key() {
     assert!(finder.starts_with("markers.finder"), "{finder}");
     let shape = RestBuilder::new(&painter.sensor, &Settings::default(), SizePx::new(320, 320)).expect_err("refused");
     assert!(shape.to_string().starts_with("image_px: expected 320x240"), "{shape}");
+}
+
+/// The times between the steps are then those of the whole frame.
+#[test]
+fn every_frame_ends_with_the_verdict_also_one_that_cannot_be_judged() {
+    struct Steps(Vec<Step>);
+    impl Probe for Steps {
+        fn after(&mut self, step: Step, _: &SlipMonitor) {
+            self.0.push(step);
+        }
+    }
+    let painter = Painter::new(SIZE, 18.0, 6.0, Skin::Smooth, 0.5, 21);
+    let mut monitor = monitor(&painter, &Settings::default());
+    let mut steps_of = |rgb: &[u8], seq| {
+        let mut steps = Steps(Vec::new());
+        let report = monitor.step_probed(&frame(rgb, SIZE, seq), None, &mut steps);
+        (report.state, steps.0)
+    };
+    use Step::*;
+    let (state, steps) = steps_of(&painter.paint(&painter.rest, None, 1), 1);
+    assert_eq!(
+        (state, steps),
+        (SlipState::NoContact, vec![Imprint, Contact, Markers, Motion, Slip, Evidence, Verdict])
+    );
+    let (state, steps) = steps_of(&vec![0; 3 * SIZE.area()], 2);
+    assert_eq!((state, steps), (SlipState::Unjudged, vec![Imprint, Verdict]));
 }

@@ -20,7 +20,7 @@
 //! When a loaded finger in contact gives no margin, the force is raised slowly, up to a limit: see
 //! [`MarginSettings::unsure_n_per_s`].
 //!
-//! f is the monitor's estimate (step 5). The force f P at which the object would slide is averaged over
+//! f is the monitor's estimate (step 6). The force f P at which the object would slide is averaged over
 //! [`MarginSettings::average_ns`]; above [`MarginSettings::urgent_fraction`] a single frame counts. The controller
 //! needs the stiffness of the gel (see [`Shear`](crate::sensor::Shear)) and the grip force: it is refused without the
 //! first, and keeps the grip constant without the second.

@@ -1,4 +1,4 @@
-//! Step 5: displacement of all markers -> shear load, stick ratio, slip margin, friction, each with its error.
+//! Step 6: displacement of all markers -> shear load, stick ratio, slip margin, friction, each with its error.
 //!
 //! ```text
 //!   all markers --sum--> F, T          contact --robust fit--> r: motion of those that stick
@@ -69,7 +69,7 @@ const LEAST_TORQUE_SD_NMM: f64 = 0.3;
 /// 0.25 / mu of the usual load.
 const LEAST_FRICTION: f64 = 0.25;
 
-/// Step 5, with its memory of the contact.
+/// Step 6, with its memory of the contact.
 #[derive(Debug, Clone)]
 pub(super) struct Estimator {
     pitch_px: f64,

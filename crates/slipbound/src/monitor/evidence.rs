@@ -1,4 +1,5 @@
-//! Evidence of sliding: continuous values, independent of the verdict of the slip field, causal and dimensionless.
+//! Step 5: evidence of sliding, as continuous values, independent of the verdict of the slip field, causal and
+//! dimensionless.
 //!
 //! ```text
 //!   displacement since the reference --> relaxation, centre over rim

@@ -1,7 +1,7 @@
-//! Whether the object slides as a whole: from the recent motion of imprint and gel, and from the load.
+//! Part of step 7: whether the object slides as a whole, from the recent motion of imprint and gel and from the load.
 //!
 //! ```text
-//!   used, stick, load (step 5) --\
+//!   used, stick, load (step 6) --\
 //!   imprint over the gel ---------> boosted trees, fitted to the contact simulator --> gross, until it is unlikely again
 //!   gel under it, shape ---------/
 //! ```
@@ -38,9 +38,9 @@ const OF_WINDOW_COUNT: usize = 5;
 /// Number of features.
 pub const SLIDE_FEATURES_COUNT: usize = OTHERS_COUNT + OF_WINDOW_COUNT * WINDOWS_S.len();
 
-/// Input of the verdict: `used` and `stick` of step 5; shear of the gel (pitches); speed of the imprint over its last
+/// Input of the verdict: `used` and `stick` of step 6; shear of the gel (pitches); speed of the imprint over its last
 /// 0.13 pitch (pitches/s) and the share of it by which the gel moved along; the values of the evidence (0 where
-/// unknown); `turning`, `narrow`, `wide` and `load` of step 5 ([`super::FEATURE_NAMES`]); then, for each of the last
+/// unknown); `turning`, `narrow`, `wide` and `load` of step 6 ([`super::FEATURE_NAMES`]); then, for each of the last
 /// 33, 67, 100 and 200 ms, the motion of the imprint over the gel (pitches), the share of it by which the gel moved
 /// along, the motion of the gel (pitches), and the relative growth of load and grip force.
 pub type SlideFeatures = [f64; SLIDE_FEATURES_COUNT];

@@ -171,7 +171,7 @@ pub struct Estimate {
     pub age_frames: u32,
 }
 
-/// Estimates of a contact (step 5). Each is None where it cannot be known: without contact, before the finger has been
+/// Estimates of a contact (step 6). Each is None where it cannot be known: without contact, before the finger has been
 /// squeezed, or where grip force, shear stiffness or pitch in mm are unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Estimates {
@@ -192,7 +192,7 @@ pub struct Estimates {
     pub cut_fraction: f64,
 }
 
-/// Evidence of sliding in a frame, independent of the slip field.
+/// Evidence of sliding in a frame, independent of the slip field (step 5).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct EvidenceReport {
     /// Number of the frame that it counts from.
@@ -283,10 +283,10 @@ pub struct SlipReport {
     pub shear: Option<ShearReport>,
     /// Step 4.
     pub slip: SlipSummary,
-    /// Step 5.
+    /// Step 6.
     #[serde(flatten)]
     pub estimates: Estimates,
-    /// Evidence of sliding that does not depend on the slip field; None without contact, and where it is not used.
+    /// Step 5: evidence of sliding that does not depend on the slip field; None without contact, and where it is not used.
     pub evidence: Option<EvidenceReport>,
 }
 

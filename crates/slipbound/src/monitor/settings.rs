@@ -35,7 +35,7 @@ pub struct Settings {
     pub motion: MotionSettings,
     /// Step 4.
     pub slip: SlipSettings,
-    /// Evidence of sliding.
+    /// Step 5.
     pub evidence: EvidenceSettings,
 }
 

@@ -1,4 +1,5 @@
-//! Estimates and evidence of a frame -> whether the rule `margin` is in alarm, and whether the object slides as a whole.
+//! Step 7: estimates and evidence of a frame -> whether the rule `margin` is in alarm, and whether the object slides as
+//! a whole.
 //!
 //! ```text
 //!   margin --below alarm_margin_fraction--> alarm, until it is above clear_margin_fraction
@@ -14,7 +15,7 @@ use super::slip::SlipRule;
 /// The margin from images alone is less reliable: so many frames must agree.
 const ALONE_FRAMES_COUNT: u32 = 2;
 
-/// The verdict, with its memory of the contact.
+/// Step 7, with its memory of the contact.
 #[derive(Debug, Clone)]
 pub(super) struct Verdict {
     /// Under the rule `margin`: where the alarm begins and ends.

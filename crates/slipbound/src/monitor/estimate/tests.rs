@@ -1,4 +1,4 @@
-//! Parts of step 5 on hand-made fields; against simulated physics: `slipbound-lab/tests/estimates.rs`.
+//! Parts of step 6 on hand-made fields; against simulated physics: `slipbound-lab/tests/estimates.rs`.
 
 use super::field::{FieldFacts, features};
 use super::rigid_fit::{Point, fit};

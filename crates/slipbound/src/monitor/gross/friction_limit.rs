@@ -1,7 +1,7 @@
 //! Whether the friction limit is reached, from the estimates alone: used fraction and stick ratio, smoothed.
 //!
 //! ```text
-//!   used, stick (step 5) --first-order filter--> at least 0.94 used, at most 0.18 stick?  reached, until well below
+//!   used, stick (step 6) --first-order filter--> at least 0.94 used, at most 0.18 stick?  reached, until well below
 //! ```
 //! The filter keeps the usual error of a frame from starting or ending a slide. The result is the same whether or not
 //! every step runs in every frame.
