@@ -402,7 +402,7 @@ mod tests {
             let mut mask = Mask::new(SizePx::new(width, height));
             let (mut state, mut sum, mut count) = (seed, Vec2::ZERO, 0.0);
             for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                state = crate::random::next(state);
                 if run.map_or(state >> 62 == 0, |(first, length)| (first..first + length).contains(&x)) {
                     mask.set(x, y, true);
                     (sum, count) = (sum + Vec2::new(x as f64, y as f64), count + 1.0);

@@ -97,6 +97,8 @@ pub mod pixels;
 pub mod plane;
 pub mod plant;
 pub mod port;
+#[cfg(test)]
+mod random;
 pub mod sensor;
 pub mod setting;
 mod smoothing;

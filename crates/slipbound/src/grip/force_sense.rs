@@ -246,7 +246,7 @@ mod tests {
         let mut random = 7u64;
         move || {
             let mut draw = || {
-                random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                random = crate::random::next(random);
                 (random >> 11) as f64 / (1u64 << 53) as f64 - 0.5
             };
             sd_n * (0..12).map(|_| draw()).sum::<f64>()

@@ -15,6 +15,8 @@ mod shading;
 mod texture;
 
 pub(super) use illumination::illumination;
+#[cfg(test)]
+pub(super) use illumination::tests as illumination_tests;
 pub use settings::ContactSettings;
 
 use crate::image::Mask;

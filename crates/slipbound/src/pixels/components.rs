@@ -346,7 +346,7 @@ mod tests {
             let mut mask = Mask::new(size);
             let mut state = seed;
             for i in 0..size.area() {
-                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                state = crate::random::next(state);
                 mask.set(i % width, i / width, (state >> 40) % 16 < share);
             }
             let numbers = flood(&mask, true, true);

@@ -356,7 +356,7 @@ mod tests {
             let mut src = Mask::new(size);
             let mut state = seed;
             for i in 0..size.area() {
-                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                state = crate::random::next(state);
                 src.set(i % width, i / width, (state >> 40) % (1 << sparse) == 0);
             }
             let element = if round {

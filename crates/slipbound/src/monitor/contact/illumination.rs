@@ -85,11 +85,11 @@ fn solve<const N: usize, const M: usize>(rows: &mut [[f64; M]; N]) -> Option<[[f
 }
 
 #[cfg(test)]
-mod tests {
+pub(in crate::monitor) mod tests {
     use super::*;
 
-    const COLUMNS: usize = 40;
-    const ROWS: usize = 30;
+    pub const COLUMNS: usize = 40;
+    pub const ROWS: usize = 30;
 
     /// Illumination of a gel of 40 x 30 cells: a polynomial of degree 3 in each colour.
     fn light(i: usize) -> [f32; 3] {
@@ -97,7 +97,8 @@ mod tests {
         [100.0 + 20.0 * x - 10.0 * x * y, 90.0 - 15.0 * y * y * y + 5.0 * x, 80.0 + 12.0 * x * x * y]
     }
 
-    fn cells() -> Vec<[f32; 3]> {
+    /// A gel under this light that nothing touches.
+    pub fn cells() -> Vec<[f32; 3]> {
         (0..COLUMNS * ROWS).map(light).collect()
     }
 
@@ -107,7 +108,7 @@ mod tests {
     }
 
     /// An imprint around the middle: 30 levels brighter on one side, darker on the other.
-    fn imprint(cells: &mut [[f32; 3]], radius_cells: f32) {
+    pub fn imprint(cells: &mut [[f32; 3]], radius_cells: f32) {
         for (i, cell) in cells.iter_mut().enumerate() {
             let (x, y) = ((i % COLUMNS) as f32 - 19.5, (i / COLUMNS) as f32 - 14.5);
             if x.hypot(y) < radius_cells {

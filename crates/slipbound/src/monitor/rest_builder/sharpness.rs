@@ -170,10 +170,8 @@ impl Sharpness {
 mod tests {
     use super::*;
     use crate::image::SizePx;
+    use crate::monitor::contact::illumination_tests::{COLUMNS, ROWS, cells, imprint};
     use crate::sensor::tests::smooth;
-
-    const COLUMNS: usize = 40;
-    const ROWS: usize = 30;
 
     /// On 160 x 120 px, with three cells at the border that do not count.
     fn sharpness() -> Sharpness {
@@ -182,27 +180,6 @@ mod tests {
         let sharpness = Sharpness::new(&sensor);
         assert!(sharpness.is_wide() && (sharpness.columns(), sharpness.border_cells) == (COLUMNS, 3));
         sharpness
-    }
-
-    /// Illumination of a gel of 40 x 30 cells: a polynomial of degree 3 in each colour.
-    fn light(i: usize) -> [f32; 3] {
-        let (x, y) = ((i % COLUMNS) as f32 / 20.0 - 1.0, (i / COLUMNS) as f32 / 15.0 - 1.0);
-        [100.0 + 20.0 * x - 10.0 * x * y, 90.0 - 15.0 * y * y * y + 5.0 * x, 80.0 + 12.0 * x * x * y]
-    }
-
-    fn cells() -> Vec<[f32; 3]> {
-        (0..COLUMNS * ROWS).map(light).collect()
-    }
-
-    /// An imprint around the middle: 30 levels brighter on one side, darker on the other.
-    fn imprint(cells: &mut [[f32; 3]], radius_cells: f32) {
-        for (i, cell) in cells.iter_mut().enumerate() {
-            let (x, y) = ((i % COLUMNS) as f32 - 19.5, (i / COLUMNS) as f32 - 14.5);
-            if x.hypot(y) < radius_cells {
-                let sign = if x > 0.0 { 30.0 } else { -30.0 };
-                *cell = cell.map(|levels| levels + sign);
-            }
-        }
     }
 
     #[test]
