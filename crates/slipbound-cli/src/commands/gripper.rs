@@ -75,7 +75,7 @@ impl Gripper {
         let mut session = Session::new(&mut device, &interrupted, &mut on_event);
         let state = match self.action {
             Action::Status => session.state()?,
-            Action::Home => session.carry_out(Request::Home, |_| true)?,
+            Action::Home => session.carry_out(Request::Home, |state| state.jaws != Jaws::Unknown)?,
             Action::Acknowledge => session.carry_out(Request::Acknowledge, |state| state.jaws != Jaws::Stopped)?,
             Action::Open | Action::Release => {
                 session.carry_out(Request::Grip(GripCommand::Release), |state| state.jaws == Jaws::Open)?
@@ -93,6 +93,9 @@ impl Gripper {
         terminal.say(&describe(&state))?;
         match self.action {
             Action::Grasp { force_n } if state.jaws != Jaws::Holding => Err(not_held(force_n, state.jaws)),
+            Action::Home if state.jaws == Jaws::Stopped => {
+                Err(Failure::Work(anyhow!("expected homed jaws, got jaws that have stopped")))
+            }
             _ => Ok(Outcome::Done),
         }
     }

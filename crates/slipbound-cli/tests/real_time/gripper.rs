@@ -255,23 +255,31 @@ fn a_recording_falls_on_nothing_that_is_read_and_on_no_other_file() {
     }
 }
 
-#[test]
-fn a_gripper_that_says_why_it_cannot_grip_is_not_waited_for() {
+/// A gripper at this address that answers each line with the given text.
+fn answering(scheme: &str, mut answer: impl FnMut(&str) -> String + Send + 'static) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
-    let address = format!("gcl://{}", listener.local_addr().expect("an address"));
-    // Reports idle to every question; a grip fails.
+    let address = format!("{scheme}://{}", listener.local_addr().expect("an address"));
     thread::spawn(move || {
         let (link, _) = listener.accept().expect("a client");
         for line in BufReader::new(link.try_clone().expect("a second handle")).lines().map_while(Result::ok) {
-            let answer = match line.as_str() {
-                "POS?" => "POS=110.00\n",
-                "FORCE?" => "FORCE=0.00\n",
-                "GRIPSTATE?" => "GRIPSTATE=0\n",
-                line if line.starts_with("GRIP(") => "ACK GRIP\nERR GRIP 18\n",
-                _ => "ACK BYE\n",
-            };
-            let _ = (&link).write_all(answer.as_bytes()); // the client may have left
+            let _ = (&link).write_all(answer(&line).as_bytes()); // the client may have left
         }
+    });
+    address
+}
+
+#[test]
+fn a_gripper_that_says_why_it_cannot_grip_is_not_waited_for() {
+    // Reports idle to every question; a grip fails.
+    let address = answering("gcl", |line| {
+        match line {
+            "POS?" => "POS=110.00\n",
+            "FORCE?" => "FORCE=0.00\n",
+            "GRIPSTATE?" => "GRIPSTATE=0\n",
+            line if line.starts_with("GRIP(") => "ACK GRIP\nERR GRIP 18\n",
+            _ => "ACK BYE\n",
+        }
+        .into()
     });
     let from = Instant::now();
     let output = command(&["gripper", &address, "grasp", "20"]).output().expect("runs");
@@ -279,4 +287,21 @@ fn a_gripper_that_says_why_it_cannot_grip_is_not_waited_for() {
     assert_eq!(output.status.code(), Some(1), "{told}");
     assert!(told.contains("expected GRIP to be done, got status 18, command failed"), "{told}");
     assert!(from.elapsed() < Duration::from_secs(15), "it waited {:?}", from.elapsed());
+}
+
+#[test]
+fn homing_that_does_not_end_a_fault_is_a_failure() {
+    let mut activation = 3;
+    let address = answering("robotiq", move |line| match line.split_once(' ') {
+        Some(("GET", "STA")) => format!("STA {activation}\n"),
+        Some(("GET", "FLT")) => "FLT 14\n".into(),
+        Some(("GET", name)) => format!("{name} 0\n"),
+        _ => {
+            activation = if line.starts_with("SET ACT 1") { 3 } else { 0 };
+            "ack".into()
+        }
+    });
+    let output = command(&["gripper", &address, "home"]).output().expect("runs");
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(1) && told.contains("expected homed jaws, got"), "{told}");
 }

@@ -46,11 +46,21 @@ fn the_bytes_sent_are_these() {
     bench.grip(128.0).expect("taken over");
     bench.run(100);
     bench.release().expect("taken over");
+    bench.run(2000);
+    bench.request(Request::Home).expect("taken over");
     bench.run(100);
     let text = String::from_utf8(bench.sent().to_vec()).expect("ASCII");
     assert!(text.starts_with("GET STA\nGET OBJ\nGET PRE\nGET POS\nGET FLT\nGET FOR\n"), "{text}");
     let sets: Vec<&str> = text.lines().filter(|line| line.starts_with("SET")).collect();
-    assert_eq!(sets, ["SET POS 255 SPE 59 FOR 128 GTO 1", "SET POS 3 SPE 59 FOR 0 GTO 1"]);
+    assert_eq!(
+        sets,
+        [
+            "SET POS 255 SPE 59 FOR 128 GTO 1",
+            "SET POS 3 SPE 59 FOR 0 GTO 1",
+            "SET ACT 0 GTO 0 ATR 0 POS 0 SPE 0 FOR 0",
+            "SET ACT 1 GTO 0 ATR 0 POS 0 SPE 0 FOR 0"
+        ]
+    );
 
     let mut bench = Bench::new("robotiq-rtu", allowing(), "");
     bench.run(200);
@@ -79,6 +89,63 @@ fn activation_is_asked_for_and_never_done_by_itself() {
         bench.until(3000, |state| state.jaws == Jaws::Holding);
         assert!(matches!(bench.request(Request::Home), Err(Error::Refused { .. })), "{name}: something is held");
     }
+}
+
+#[test]
+fn home_after_a_fault_clears_what_the_jaws_were_told() {
+    for name in BOTH {
+        let mut bench = Bench::holding(name, config(name), "fast-stop@6000", 100.0);
+        bench.until(6000, |state| state.jaws == Jaws::Stopped);
+        bench.request(Request::Home).expect("taken over");
+        bench.until(3000, |state| state.jaws == Jaws::Open);
+        bench.run(2000);
+        assert_eq!((bench.state().expect("there").jaws, bench.plant.force_n), (Jaws::Open, 0.0), "{name}");
+    }
+}
+
+/// Its status follows 30 ms behind what it was told, and activation takes a second.
+#[test]
+fn homing_waits_for_a_status_that_follows_late() {
+    for name in BOTH {
+        let mut driver = driver(name, allowing());
+        driver.linked(0);
+        let (mut told, mut done_ms) = (vec![(0, true)], 0);
+        for now_ms in 2000..5000u64 {
+            driver.tick(now_ms * MS);
+            if now_ms == 2500 {
+                driver.request(now_ms * MS, Request::Home).expect("nothing is held");
+            }
+            let asked = std::mem::take(driver.outgoing());
+            told.extend(
+                activates(&asked).filter(|is_active| *is_active != told[told.len() - 1].1).map(|a| (now_ms, a)),
+            );
+            let (since_ms, is_active) = told[told.len() - 1];
+            let activation = match (is_active, now_ms - since_ms) {
+                (false, 0..30) => 3,
+                (false, _) | (true, 0..30) => 0,
+                (true, 30..1000) => 1,
+                (true, _) => 3,
+            };
+            driver.receive(now_ms * MS, &answer(name, &asked, activation, 1, 0));
+            if driver.is_busy() {
+                done_ms = now_ms;
+            }
+        }
+        let [_, (off_ms, false), (on_ms, true)] = told[..] else { panic!("{name}: {told:?}") };
+        assert!(off_ms >= 2500 && on_ms >= off_ms + 30, "{name}: {told:?}");
+        assert!((on_ms + 995..on_ms + 1050).contains(&done_ms), "{name}: {told:?}, done at {done_ms} ms");
+    }
+}
+
+/// Whether what was sent activates the gripper (true) or deactivates it.
+fn activates(sent: &[u8]) -> Option<bool> {
+    let mut activates = None;
+    rtu::Parser::default().feed_requests(sent, |request| {
+        if let rtu::Request::Write { bytes, .. } = request {
+            activates = Some(bytes[0] & 1 != 0);
+        }
+    });
+    activates.or(sent.strip_prefix(b"SET ACT ").map(|rest| rest[0] == b'1'))
 }
 
 #[test]
@@ -148,25 +215,25 @@ fn after_a_fault_that_ended_by_itself_the_same_force_is_sent_again() {
             }
             let asked = std::mem::take(driver.outgoing());
             sent.extend(&asked);
-            driver.receive(now_ms * MS, &answer(name, &asked, 2, fault));
+            driver.receive(now_ms * MS, &answer(name, &asked, 3, 2, fault));
         }
         forces_count.push(count_forces(&sent));
         assert_eq!(forces_count, [1, 2], "{name}");
     }
 }
 
-/// What an active gripper that was told to close answers, with this object and fault.
-fn answer(name: &str, asked: &[u8], object: u8, fault: u8) -> Vec<u8> {
+/// What a gripper that was told to close answers, with this activation, object and fault.
+fn answer(name: &str, asked: &[u8], activation: u8, object: u8, fault: u8) -> Vec<u8> {
     let mut answer = Vec::new();
     rtu::Parser::default().feed_requests(asked, |request| match request {
         rtu::Request::Write { function, registers, bytes } => {
             rtu::answer_write(&mut answer, function, registers, bytes);
         }
-        _ => rtu::answer_read(&mut answer, 4, &[object << 6 | 0x39, 0, fault, 255, 90, 0]),
+        _ => rtu::answer_read(&mut answer, 4, &[object << 6 | activation << 4 | 9, 0, fault, 255, 90, 0]),
     });
     for line in asked.split(|byte| *byte == b'\n').filter(|_| name == "robotiq") {
         match line.strip_prefix(b"GET ") {
-            Some(b"STA") => answer.extend(b"STA 3\n"),
+            Some(b"STA") => answer.extend(format!("STA {activation}\n").into_bytes()),
             Some(b"OBJ") => answer.extend(format!("OBJ {object}\n").into_bytes()),
             Some(b"FLT") => answer.extend(format!("FLT {fault}\n").into_bytes()),
             Some(value) => answer.extend([value, b" 255\n"].concat()),
@@ -188,7 +255,7 @@ fn jaws_that_press_anew_what_they_hold_have_not_lost_it_until_they_are_at_their_
             driver.tick(now_ms * MS);
             let asked = std::mem::take(driver.outgoing());
             let object = [2, 0, then][now_ms as usize / 500];
-            driver.receive(now_ms * MS, &answer(name, &asked, object, 0));
+            driver.receive(now_ms * MS, &answer(name, &asked, 3, object, 0));
             seen.push(driver.state(now_ms * MS).expect("there").jaws);
         }
         seen.dedup();

@@ -59,6 +59,8 @@ pub(super) struct Actuator {
     /// Whether it has held something, and has been closed or closing ever since.
     has_held: bool,
     is_homing: bool,
+    /// Whether it has accepted to deactivate; its status tells when it has done so.
+    has_accepted_deactivation: bool,
 }
 
 impl Actuator {
@@ -67,8 +69,8 @@ impl Actuator {
         Actuator { has_held: self.has_held, ..Actuator::default() }
     }
 
-    /// Takes a status, which was requested after everything that was sent before. Returns whether a fault has begun:
-    /// earlier commands no longer count then, even if the fault ends by itself.
+    /// Takes a status, which was requested after everything that was sent before. Returns whether earlier commands no
+    /// longer count: a fault has begun, even if it ends by itself, or the gripper has not deactivated.
     pub fn take_status(&mut self, driver: &mut DriverState, status: Status) -> bool {
         let fault_before = self.status.and_then(|status| status.fault_in_words());
         self.status = Some(status);
@@ -76,7 +78,12 @@ impl Actuator {
         let has_begun = begun.is_some();
         if let Some(why) = begun {
             driver.push_event(DriverEvent::FastStop { why });
-            self.goal = Goal::Keep;
+            (self.goal, self.is_homing) = (Goal::Keep, false);
+        }
+        let is_deactivating = self.goal == Goal::Deactivate && self.has_accepted_deactivation;
+        let has_deactivated = is_deactivating && status.activation == 0;
+        if has_deactivated {
+            self.goal = Goal::Activate;
         }
         self.is_homing &= !(status.is_active() && self.goal == Goal::Keep);
         driver.gripper.time_ns = driver.now_ns();
@@ -87,14 +94,14 @@ impl Actuator {
         };
         driver.gripper.jaws = status.jaws(self.has_held);
         driver.gripper.opening_mm = Some(driver.config.opening_of_count(status.position));
-        has_begun
+        has_begun || (is_deactivating && !has_deactivated)
     }
 
     /// The gripper has accepted what was sent for this goal.
     pub fn take_over(&mut self, driver: &mut DriverState, goal: Goal) {
         match goal {
             Goal::Hold { force_n } => driver.settle_target(Some(force_n)),
-            Goal::Deactivate if self.goal == goal => self.goal = Goal::Activate,
+            Goal::Deactivate => self.has_accepted_deactivation = true,
             Goal::Activate if self.goal == goal => self.goal = Goal::Keep,
             _ => {}
         }
@@ -134,7 +141,7 @@ impl Actuator {
         if status.is_active() && status.fault_in_words().is_none() && driver.seems_to_hold() {
             return Err(driver.home_while_holding());
         }
-        (self.goal, self.is_homing) = (Goal::Deactivate, true);
+        (self.goal, self.is_homing, self.has_accepted_deactivation) = (Goal::Deactivate, true, false);
         Ok(())
     }
 

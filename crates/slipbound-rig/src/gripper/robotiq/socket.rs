@@ -57,8 +57,8 @@ impl Socket {
     fn line(goal: Goal, driver: &DriverState) -> String {
         match (goal.target(&driver.config), goal) {
             (Some(to), _) => format!("SET POS {} SPE {} FOR {} GTO 1", to.position, to.speed, to.force),
-            (None, Goal::Activate) => "SET ACT 1".into(),
-            (None, _) => "SET ACT 0".into(),
+            // It keeps what it was told: a position to go to would outlive homing, and grip.
+            (None, _) => format!("SET ACT {} GTO 0 ATR 0 POS 0 SPE 0 FOR 0", u8::from(goal == Goal::Activate)),
         }
     }
 
