@@ -52,6 +52,8 @@ pub struct Gcl {
     gripped_before_n: Option<f64>,
     /// Whether a later command was never answered: it may have arrived.
     is_in_doubt: bool,
+    /// Whether any command was ever sent: what is held until then was gripped by somebody else.
+    has_commanded: bool,
     is_release_given: bool,
     is_stopped: bool,
     /// Whether it has reported that it must be homed first.
@@ -62,6 +64,7 @@ pub struct Gcl {
 impl Gcl {
     fn send(&mut self, driver: &mut DriverState, message: Message, line: &str) {
         write_line(&mut driver.outgoing, line);
+        self.has_commanded |= !matches!(message, Message::Question(_));
         self.in_flight = Some(InFlight::new(driver.now_ns(), message));
     }
 
@@ -296,6 +299,18 @@ impl Gcl {
         self.gripped_n == Some(force_n) && !self.is_in_doubt
     }
 
+    /// A force with which it holds since before our first command, within the error of its reading, is in effect: a
+    /// GRIP would be denied.
+    fn adopt_grip(&mut self, driver: &mut DriverState, force_n: f64) {
+        let Config { force_error_n, force_error_fraction, .. } = driver.config;
+        let error_n = force_error_n + force_error_fraction * force_n;
+        let is_measured = driver.gripper.force_n.is_some_and(|measured_n| (measured_n - force_n).abs() <= error_n);
+        if self.is_holding() && !self.has_commanded && self.gripped_n.is_none() && is_measured {
+            self.gripped_n = Some(force_n);
+            driver.settle_target(Some(force_n));
+        }
+    }
+
     fn is_holding(&self) -> bool {
         self.grasp == Some(grasp::HOLDING)
     }
@@ -314,8 +329,16 @@ impl Protocol for Gcl {
         self.is_in_doubt |= self.force_on_its_way(driver).is_some();
         // The force it was last commanded, and a fast stop, outlive a link.
         let gripped_before_n = self.gripped_n.or(self.gripped_before_n);
-        let Gcl { is_in_doubt, is_stopped, is_unhomed, is_regrip_refused, .. } = *self;
-        *self = Gcl { gripped_before_n, is_in_doubt, is_stopped, is_unhomed, is_regrip_refused, ..Gcl::default() };
+        let Gcl { is_in_doubt, has_commanded, is_stopped, is_unhomed, is_regrip_refused, .. } = *self;
+        *self = Gcl {
+            gripped_before_n,
+            is_in_doubt,
+            has_commanded,
+            is_stopped,
+            is_unhomed,
+            is_regrip_refused,
+            ..Gcl::default()
+        };
         driver.gripper.jaws = Jaws::Unknown;
     }
 
@@ -388,6 +411,7 @@ impl Protocol for Gcl {
     fn grip(&mut self, driver: &mut DriverState, command: GripCommand) -> Result<(), Error> {
         match command {
             GripCommand::Hold { force_n } => {
+                self.adopt_grip(driver, force_n);
                 if self.is_holding() && self.is_regrip_refused && !self.has_gripped(force_n) {
                     let (address, command) = (driver.address(), "a new force while holding");
                     let got = "a GRIP that was denied before; take wsg50://".into();

@@ -64,6 +64,34 @@ fn a_new_force_while_holding_is_tried_once_and_its_refusal_told() {
     assert!((bench.plant.force_n - 30.0).abs() < 0.1, "{}", bench.plant.force_n);
 }
 
+/// Another process gripped it, and has left.
+#[test]
+fn what_is_held_already_with_this_force_is_not_gripped_again() {
+    let mut bench = Bench::holding("gcl", config("gcl"), "", 40.0);
+    bench.request(Request::Leave).expect("taken over");
+    bench.run(100);
+    bench.cut("closed");
+    bench.pair.driver = driver("gcl", config("gcl"));
+    bench.pair.sent = Some(Vec::new());
+    bench.connect();
+    bench.run(200);
+    for _ in 0..10 {
+        bench.grip(40.0).expect("the force it has");
+        bench.run(50);
+        assert_eq!(bench.state().expect("no fault").target_n, Some(40.0));
+    }
+    assert_eq!((commands(&bench), bench.driver.is_busy()), (vec![], false));
+    bench.grip(44.0).expect("another force");
+    bench.until_error(500);
+    assert_eq!(commands(&bench), ["GRIP(44.00,50.00,50.00)"]);
+    // Released and gripped again at once, it is closed again whatever was measured last.
+    bench.release().expect("taken over");
+    bench.step();
+    bench.grip(40.0).expect("taken over");
+    bench.run(3000);
+    assert!((bench.plant.force_n - 40.0).abs() < 0.1, "{}", bench.plant.force_n);
+}
+
 #[test]
 fn nothing_a_lost_part_and_a_fast_stop_are_told() {
     let mut bench = Bench::of("gcl", "");
