@@ -13,7 +13,7 @@ use std::thread;
 use std::time::Duration;
 
 /// Longest wait for the first complete state, ns: of a silent gripper, and of one that answers late. Robotiq's state
-/// takes five questions, each of which may take the reply time.
+/// takes six questions, each of which may take the reply time.
 const FIRST_STATE_NS: u64 = 2_000_000_000;
 const LATE_STATE_NS: u64 = 5_000_000_000;
 

@@ -182,7 +182,10 @@ fn what_it_was_set_to_is_known_after_a_new_link_only_by_the_socket() {
         let fresh = Bench::new(name, config(name), "");
         bench.pair.driver = fresh.pair.driver;
         bench.connect();
-        bench.run(400);
+        // As soon as its first state is there.
+        while bench.driver.is_busy() {
+            bench.step();
+        }
         let got = bench.state().expect("there").target_n;
         assert!(
             got.zip(target_n).is_none_or(|(got, wanted): (f64, f64)| (got - wanted).abs() < 0.5),
@@ -191,6 +194,7 @@ fn what_it_was_set_to_is_known_after_a_new_link_only_by_the_socket() {
         assert_eq!(got.is_some(), target_n.is_some(), "{name}: {got:?}");
         let lower = bench.grip(30.0);
         assert!(matches!(lower, Err(Error::Lowering { .. } | Error::NotReady { .. })), "{name}: {lower:?}");
+        assert_eq!(bench.grip(60.0).is_ok(), target_n.is_some(), "{name}");
     }
 }
 

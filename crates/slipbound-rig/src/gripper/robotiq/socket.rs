@@ -44,6 +44,8 @@ pub struct Socket {
     is_heard: [bool; QUESTIONS.len()],
     question: usize,
     round_ns: Option<u64>,
+    /// How often the force that it is set to has been asked for since the link was made.
+    force_asked_count: u32,
     /// The goal that the gripper last accepted; `Keep` where that is not known.
     done: Goal,
     in_flight: Option<InFlight<Message>>,
@@ -76,6 +78,7 @@ impl Socket {
             }
         }
         let asks_force = self.question == QUESTIONS.len();
+        self.force_asked_count = self.force_asked_count.saturating_add(u32::from(asks_force));
         let name = if asks_force { "FOR" } else { QUESTIONS[self.question] };
         self.question = if asks_force { 0 } else { (self.question + 1) % QUESTIONS.len() };
         Some(name)
@@ -271,7 +274,13 @@ impl Protocol for Socket {
     }
 
     fn is_busy(&self, driver: &DriverState) -> bool {
-        let is_setting = self.in_flight.as_ref().is_some_and(|sent| matches!(sent.message, Message::Set(_)));
-        is_setting || self.is_on_the_way() || self.actuator.is_busy(driver)
+        let message = self.in_flight.as_ref().map(|sent| sent.message);
+        let is_setting = matches!(message, Some(Message::Set(_)));
+        // The force is awaited once: not every gripper tells it.
+        let awaits_force = match self.force_asked_count {
+            0 => driver.is_linked() && driver.gripper.target_n.is_none(),
+            count => count == 1 && message == Some(Message::Get("FOR")),
+        };
+        awaits_force || is_setting || self.is_on_the_way() || self.actuator.is_busy(driver)
     }
 }
