@@ -102,17 +102,6 @@ pub enum Kind {
     Dry,
 }
 
-impl Kind {
-    /// Forces that the hardware accepts, in its own newtons.
-    fn hardware_n(self) -> (f64, f64) {
-        match self {
-            Kind::Wsg50 | Kind::Gcl => (5.0, 80.0),
-            Kind::Robotiq => (10.0, 300.0),
-            Kind::Line | Kind::Dry => (0.0, 1000.0),
-        }
-    }
-}
-
 /// Lowest reading that counts as a measurement, N per finger: no bias is larger.
 const LEAST_READING_N: f64 = -10.0;
 
@@ -183,8 +172,11 @@ impl Config {
 
     /// Checks every setting; the error names the first invalid one.
     pub fn check(&self, kind: Kind) -> Result<(), SettingError> {
-        let (least_n, most_n) = kind.hardware_n();
-        let (least_n, most_n) = (least_n / self.own_per_finger(), most_n / self.own_per_finger());
+        if kind == Kind::Robotiq {
+            table("force_table", &self.force_table, "two or more pairs [0 to 255, newtons], both rising", 1.0)?;
+            table("opening_table", &self.opening_table, "two or more pairs [0 to 255, mm], the mm falling", -1.0)?;
+        }
+        let (least_n, most_n) = self.possible_n(kind);
         within("least_n", self.least_n, least_n, most_n)?;
         within("most_n", self.most_n, self.least_n, most_n)?;
         within("open_mm", self.open_mm, 0.0, 1000.0)?;
@@ -203,11 +195,17 @@ impl Config {
         ] {
             within(key, ms as f64, 1.0, 60_000.0)?;
         }
-        if kind == Kind::Robotiq {
-            table("force_table", &self.force_table, "two or more pairs [0 to 255, newtons], both rising", 1.0)?;
-            table("opening_table", &self.opening_table, "two or more pairs [0 to 255, mm], the mm falling", -1.0)?;
-        }
         Ok(())
+    }
+
+    /// Forces that the gripper can press with, N per finger.
+    fn possible_n(&self, kind: Kind) -> (f64, f64) {
+        let (least_n, most_n) = match kind {
+            Kind::Wsg50 | Kind::Gcl => (5.0, 80.0),
+            Kind::Robotiq => (read_table(&self.force_table, 0, 0.0), read_table(&self.force_table, 0, 255.0)),
+            Kind::Line | Kind::Dry => (0.0, 1000.0),
+        };
+        (least_n / self.own_per_finger(), most_n / self.own_per_finger())
     }
 
     /// The gripper's own newtons per newton per finger.
@@ -228,6 +226,14 @@ impl Config {
     pub fn from_own_n(&self, own_n: f64) -> Option<f64> {
         let force_n = own_n / self.own_per_finger();
         (LEAST_READING_N..=2.0 * self.most_n).contains(&force_n).then_some(force_n)
+    }
+
+    /// The force that a gripper has which is told this one, N per finger: a Robotiq takes it as a whole number.
+    pub(crate) fn settable_n(&self, force_n: f64) -> f64 {
+        match self.force_table.is_empty() {
+            true => force_n,
+            false => self.force_of_count(self.force_count(force_n)).unwrap_or(force_n),
+        }
     }
 
     /// The force clamped to its range; None when it is not a number.
@@ -312,6 +318,9 @@ mod tests {
             (Kind::Wsg50, "", "lowering=maybe", ["wsg50://x:1000: lowering", "maybe", "`allow`"]),
             (Kind::Wsg50, "", "most_n", ["wsg50://x:1000", "key=value", "`most_n`"]),
             (Kind::Robotiq, "force_table = [[0, 9], [255, 9]]\n", "", ["gripper.toml: force_table", "rising", "9.0"]),
+            (Kind::Robotiq, "", "least_n=10", ["wsg50://x:1000: least_n", "from 20 to 235", "got 10"]),
+            (Kind::Robotiq, "", "most_n=300", ["wsg50://x:1000: most_n", "from 20 to 235", "got 300"]),
+            (Kind::Robotiq, "", "force_is=total&most_n=150", ["most_n", "from 20 to 117.5", "got 150"]),
         ] {
             let message = load(kind, text, query).expect_err("refused");
             for part in parts {

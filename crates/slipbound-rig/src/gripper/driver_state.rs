@@ -231,8 +231,8 @@ impl DriverState {
                 let expected = "the force it holds with (or a release, or lowering = \"allow\")";
                 return Err(Error::NotReady { address: self.address(), expected });
             };
-            let from_n = on_its_way_n.map_or(known_n, |n| n.max(known_n));
-            if given_n < from_n - SAME_FORCE_N {
+            let from_n = on_its_way_n.map_or(known_n, |n| self.config.settable_n(n).max(known_n));
+            if self.config.settable_n(given_n) < from_n - SAME_FORCE_N {
                 return Err(Error::Lowering { address: self.address(), from_n, to_n: given_n });
             }
             given_n = self.doubted_n.map_or(given_n, |n| n.max(given_n));

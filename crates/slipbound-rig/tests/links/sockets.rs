@@ -307,7 +307,7 @@ fn a_2f85_grips_over_a_pseudo_terminal() {
         until(&mut device, |_| (plant.look(|block| block.force_n) - force_n).abs() < 0.7).expect("there");
     }
     let state = until(&mut device, |state| state.as_ref().is_ok_and(|state| state.jaws == Jaws::Holding));
-    assert_eq!(state.expect("there").target_n, Some(30.0));
+    assert!(state.expect("there").target_n.is_some_and(|target_n| (target_n - 30.0).abs() < 0.43));
     drop(device);
     go_on.store(false, Ordering::Relaxed);
     server.join().expect("no panic");

@@ -100,7 +100,7 @@ impl Actuator {
     /// The gripper has accepted what was sent for this goal.
     pub fn take_over(&mut self, driver: &mut DriverState, goal: Goal) {
         match goal {
-            Goal::Hold { force_n } => driver.settle_target(Some(force_n)),
+            Goal::Hold { force_n } => driver.settle_target(Some(driver.config.settable_n(force_n))),
             Goal::Deactivate => self.has_accepted_deactivation = true,
             Goal::Activate if self.goal == goal => self.goal = Goal::Keep,
             _ => {}
