@@ -231,6 +231,10 @@ impl Wsg50 {
                 self.become_idle();
                 driver.forget_lost_link();
             }
+            // The last answer is still to come.
+            (Command::Stop | Command::Acknowledge, status::PENDING) => {
+                self.in_flight = Some(InFlight::new(since_ns, command));
+            }
             (Command::Home, status::PENDING) => self.phase = Phase::Homing { since_ns },
             (Command::Grasp, status::PENDING) => self.phase = Phase::Grasping { since_ns },
             (Command::Release | Command::Move, status::PENDING) => self.phase = Phase::Opening { command, since_ns },

@@ -90,14 +90,33 @@ fn grasping() -> Driver {
     driver
 }
 
+/// An answer of a WSG-50 with this status.
+fn say(driver: &mut Driver, at_ms: u64, id: u8, code: u8) {
+    let mut bytes = Vec::new();
+    frame::write(&mut bytes, id, &[code, 0]);
+    driver.receive(at_ms * MS, &bytes);
+}
+
+#[test]
+fn a_wsg50_may_say_that_a_stop_or_an_acknowledgement_is_under_way() {
+    for (request, id) in [(Request::Grip(GripCommand::Release), 0x22), (Request::Acknowledge, 0x24)] {
+        let mut driver = grasping();
+        say(&mut driver, 3, 0x32, 0);
+        say(&mut driver, 4, 0x25, 26);
+        driver.request(5 * MS, request).expect("taken over");
+        driver.outgoing().clear();
+        say(&mut driver, 6, id, 26);
+        driver.state(6 * MS).expect("no refusal");
+        assert!(driver.is_busy() && driver.outgoing().is_empty(), "{request:?}: {:?}", driver.outgoing());
+        say(&mut driver, 7, id, 0);
+        driver.state(7 * MS).expect("done");
+        assert_eq!(driver.outgoing().is_empty(), request == Request::Acknowledge, "{request:?}: then it opens");
+    }
+}
+
 #[test]
 fn a_wsg50_may_say_more_than_once_that_a_motion_is_under_way() {
     let mut driver = grasping();
-    let say = |driver: &mut Driver, at_ms: u64, id: u8, code: u8| {
-        let mut bytes = Vec::new();
-        frame::write(&mut bytes, id, &[code, 0]);
-        driver.receive(at_ms * MS, &bytes);
-    };
     say(&mut driver, 3, 0x32, 0);
     for at_ms in [4, 5, 6] {
         say(&mut driver, at_ms, 0x25, 26);
