@@ -164,7 +164,16 @@ impl Config {
         for layer in layers.iter().rev() {
             merged.extend(layer.table.clone());
         }
-        let config: Config = config::typed(merged, &layers)?;
+        let mut config: Config = config::typed(merged, &layers)?;
+        // Forces that nobody has set follow what the gripper can press with.
+        let is_set = |key| layers.iter().any(|layer| layer.table.contains_key(key));
+        let (least_n, most_n) = config.possible_n(kind);
+        if !is_set("least_n") {
+            config.least_n = config.least_n.max(least_n).min(most_n);
+        }
+        if !is_set("most_n") {
+            config.most_n = config.most_n.max(least_n).min(most_n);
+        }
         let file = |key: &str| config::file_of_key(&layers, key);
         config.check(kind).map_err(|source| config::Error::OutOfRange { file: file(&source.key), source })?;
         Ok(config)
@@ -305,6 +314,19 @@ mod tests {
         assert_eq!((got.lowering, got.force_is), (Lowering::Allow, ForceIs::PerFinger));
         for kind in [Kind::Wsg50, Kind::Gcl, Kind::Robotiq, Kind::Line, Kind::Dry] {
             assert_eq!(load(kind, "", "").expect("the defaults are valid"), Config::of(kind));
+        }
+    }
+
+    #[test]
+    fn forces_that_nobody_has_set_follow_the_other_settings() {
+        for (kind, text, forces_n) in [
+            (Kind::Wsg50, "force_is = \"total\"\n", (5.0, 40.0)),
+            (Kind::Gcl, "force_is = \"total\"\n", (5.0, 40.0)),
+            (Kind::Robotiq, "force_is = \"total\"\n", (20.0, 117.5)),
+            (Kind::Robotiq, "force_table = [[0, 30], [255, 125]]\n", (30.0, 125.0)),
+        ] {
+            let got = load(kind, text, "").expect("valid");
+            assert_eq!((got.least_n, got.most_n), forces_n, "{kind:?}: {text}");
         }
     }
 
