@@ -204,6 +204,11 @@ impl Config {
         ] {
             within(key, ms as f64, 1.0, 60_000.0)?;
         }
+        // These say nothing unless they are asked.
+        if matches!(kind, Kind::Gcl | Kind::Robotiq) && self.update_ms >= self.silence_ms {
+            let expected = format!("less than silence_ms, which is {}", self.silence_ms);
+            return Err(SettingError { key: "update_ms".into(), got: self.update_ms.to_string(), expected });
+        }
         Ok(())
     }
 
@@ -342,6 +347,13 @@ mod tests {
             (Kind::Robotiq, "force_table = [[0, 9], [255, 9]]\n", "", ["gripper.toml: force_table", "rising", "9.0"]),
             (Kind::Robotiq, "", "least_n=10", ["wsg50://x:1000: least_n", "from 20 to 235", "got 10"]),
             (Kind::Robotiq, "", "most_n=300", ["wsg50://x:1000: most_n", "from 20 to 235", "got 300"]),
+            (
+                Kind::Gcl,
+                "",
+                "update_ms=600",
+                ["wsg50://x:1000: update_ms", "less than silence_ms, which is 500", "got 600"],
+            ),
+            (Kind::Robotiq, "silence_ms = 20\n", "", ["update_ms", "less than silence_ms, which is 20", "got 20"]),
             (Kind::Robotiq, "", "force_is=total&most_n=150", ["most_n", "from 20 to 117.5", "got 150"]),
         ] {
             let message = load(kind, text, query).expect_err("refused");
