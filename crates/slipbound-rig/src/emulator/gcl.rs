@@ -182,15 +182,15 @@ impl Gcl {
     }
 
     fn grip(&mut self, force_n: f64, rest: &[f64]) -> u16 {
-        if self.weiss.refuses_grasp() {
-            return status::DENIED; // before the new force could reach what is held
-        }
-        match self.weiss.set_limit(force_n) {
-            status::OK => {
-                let speed = rest.get(1).copied().unwrap_or(SPEED);
-                self.weiss.begin(Task::Grasp { width_mm: rest.first().copied(), speed })
-            }
-            code => code,
+        let speed = rest.get(1).copied().unwrap_or(SPEED);
+        let task = Task::Grasp { width_mm: rest.first().copied(), speed };
+        // A refused grip leaves the force as it is.
+        match self.weiss.refusal(task) {
+            status::OK => match self.weiss.set_limit(force_n) {
+                status::OK => self.weiss.begin(task),
+                refused => refused,
+            },
+            refused => refused,
         }
     }
 }

@@ -200,12 +200,18 @@ impl Weiss {
         status::OK
     }
 
-    /// Whether a grasp would be refused in this state.
-    pub fn refuses_grasp(&self) -> bool {
-        self.is_stopped || (self.grasp == grasp::HOLDING && !self.is_regrasp_allowed)
+    /// Where this motion goes, mm, and how fast, mm/s.
+    fn target(&self, task: Task) -> (f64, f64) {
+        let jaws = &self.settings.jaws;
+        match task {
+            Task::Home { closes } => (if closes { 0.0 } else { jaws.stroke_mm }, jaws.speed_mm_per_s),
+            Task::Move { opening_mm, speed, .. } | Task::Release { opening_mm, speed } => (opening_mm, speed),
+            Task::Grasp { width_mm, speed } => (width_mm.unwrap_or(0.0), speed),
+        }
     }
 
-    pub fn begin(&mut self, task: Task) -> u16 {
+    /// Why this motion cannot begin; OK if it can.
+    pub fn refusal(&self, task: Task) -> u16 {
         if self.is_stopped {
             return status::DENIED;
         }
@@ -215,20 +221,23 @@ impl Weiss {
         if !self.is_homed && !matches!(task, Task::Home { .. }) {
             return status::NOT_INITIALIZED;
         }
-        let stroke_mm = self.settings.jaws.stroke_mm;
-        let (opening_mm, speed) = match task {
-            Task::Home { closes } => (if closes { 0.0 } else { stroke_mm }, self.settings.jaws.speed_mm_per_s),
-            Task::Move { opening_mm, speed, .. } | Task::Release { opening_mm, speed } => (opening_mm, speed),
-            Task::Grasp { width_mm, speed } => (width_mm.unwrap_or(0.0), speed),
-        };
-        if !(0.0..=stroke_mm).contains(&opening_mm) || !(5.0..=420.0).contains(&speed) {
+        let (opening_mm, speed) = self.target(task);
+        if !(0.0..=self.settings.jaws.stroke_mm).contains(&opening_mm) || !(5.0..=420.0).contains(&speed) {
             return status::RANGE;
         }
         match task {
-            Task::Grasp { .. } if self.refuses_grasp() => return status::DENIED,
-            Task::Release { .. } if self.grasp != grasp::HOLDING => return status::DENIED,
-            _ => {}
+            Task::Grasp { .. } if self.grasp == grasp::HOLDING && !self.is_regrasp_allowed => status::DENIED,
+            Task::Release { .. } if self.grasp != grasp::HOLDING => status::DENIED,
+            _ => status::OK,
         }
+    }
+
+    pub fn begin(&mut self, task: Task) -> u16 {
+        match self.refusal(task) {
+            status::OK => {}
+            refused => return refused,
+        }
+        let (opening_mm, speed) = self.target(task);
         (self.end, self.is_clamping) = (End::Other, false);
         self.jaws.set_speed(speed);
         match task {

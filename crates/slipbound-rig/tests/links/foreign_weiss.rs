@@ -154,6 +154,19 @@ fn a_grip_without_a_width_takes_hold_of_itself() {
 }
 
 #[test]
+fn a_refused_grip_leaves_the_force_as_it_is() {
+    let mut client = Client::of("gcl");
+    assert_eq!(client.line("GRIP(60)", 100), "ACK GRIP\n");
+    assert_eq!(client.line("GRIP(10)", 3000), "ERR GRIP 4\nFIN GRIP\n", "it is closing");
+    assert_eq!(client.line("FORCE?", 1), "FORCE=60.00\n");
+
+    let mut client = Client::of("gcl");
+    assert_eq!(client.line("GRIP(10,200)", 100), "ERR GRIP 28\n", "wider than it opens");
+    assert_eq!(client.line("GRIP()", 3000), "ACK GRIP\nFIN GRIP\n");
+    assert_eq!(client.line("FORCE?", 1), "FORCE=80.00\n");
+}
+
+#[test]
 fn a_new_connection_has_the_tolerances_that_are_configured() {
     let mut client = empty("gcl");
     for line in ["PWT=3", "CLT=4", "VERBOSE=1", "BYE()"] {
