@@ -199,7 +199,8 @@ impl Gcl {
 fn call(line: &str) -> Option<(&str, Vec<&str>)> {
     let (name, words) = line.strip_suffix(')')?.split_once('(')?;
     let known = ["HOME", "MOVE", "GRIP", "RELEASE", "STOP", "FSACK", "FSTOP", "FASTSTOP", "BYE", "AUTOSEND"];
-    let words = words.split(',').map(str::trim).filter(|word| !word.is_empty()).collect();
+    // An empty word between commas is one that is no number.
+    let words = if words.trim().is_empty() { Vec::new() } else { words.split(',').map(str::trim).collect() };
     known.contains(&name).then_some((name, words))
 }
 

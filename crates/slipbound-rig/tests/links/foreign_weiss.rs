@@ -162,6 +162,7 @@ fn a_refused_grip_leaves_the_force_as_it_is() {
 
     let mut client = Client::of("gcl");
     assert_eq!(client.line("GRIP(10,200)", 100), "ERR GRIP 28\n", "wider than it opens");
+    assert_eq!(client.line("GRIP(20,,50)", 100), "ERR GRIP 15\n", "50 is no width");
     assert_eq!(client.line("GRIP()", 3000), "ACK GRIP\nFIN GRIP\n");
     assert_eq!(client.line("FORCE?", 1), "FORCE=80.00\n");
 }
