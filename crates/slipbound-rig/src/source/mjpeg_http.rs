@@ -214,14 +214,11 @@ impl Stream {
         Err(failed)
     }
 
-    /// Requests the stream. HTTP/1.0, because few servers answer that in chunks.
+    /// Requests the stream.
     fn ask(mut socket: TcpStream, address: &Address) -> io::Result<Self> {
         socket.set_read_timeout(Some(LONGEST_WAIT))?;
         socket.set_write_timeout(Some(CONNECT))?;
-        let Address { host, port, path } = address;
-        let version = env!("CARGO_PKG_VERSION");
-        let request = format!("GET {path} HTTP/1.0\r\nHost: {host}:{port}\r\nUser-Agent: slipbound/{version}\r\n\r\n");
-        socket.write_all(request.as_bytes())?;
+        socket.write_all(address.request().as_bytes())?;
         let (head, begun) = read_head(&mut socket)?;
         let parts = Multipart::new(&boundary(&head).map_err(io::Error::other)?);
         let chunked = comes_in_chunks(&head).map_err(io::Error::other)?.then(Chunked::new);
@@ -340,6 +337,14 @@ impl Address {
         let path = if path.starts_with('/') { path.to_owned() } else { format!("/{path}") };
         Ok(Address { host: host.trim_matches(['[', ']']).to_owned(), port, path })
     }
+
+    /// The request of the stream. HTTP/1.0, because few servers answer that in chunks.
+    fn request(&self) -> String {
+        let Address { host, port, path } = self;
+        let host = if host.contains(':') { format!("[{host}]") } else { host.clone() };
+        let version = env!("CARGO_PKG_VERSION");
+        format!("GET {path} HTTP/1.0\r\nHost: {host}:{port}\r\nUser-Agent: slipbound/{version}\r\n\r\n")
+    }
 }
 
 #[cfg(test)]
@@ -362,6 +367,16 @@ mod tests {
             ("http://a/b c", "without blanks"),
         ] {
             assert!(Address::parse(url).expect_err(url).contains(expected), "{url}");
+        }
+    }
+
+    #[test]
+    fn the_request_names_the_host_as_the_address_does() {
+        for (url, host) in
+            [("http://pi:8080/a", "pi:8080"), ("http://[::1]:81/a", "[::1]:81"), ("http://[::1]", "[::1]:80")]
+        {
+            let request = Address::parse(url).expect("an address").request();
+            assert!(request.contains(&format!("\r\nHost: {host}\r\n")), "{request}");
         }
     }
 
