@@ -126,7 +126,9 @@ fn not_held(force_n: f64, jaws: Jaws) -> Failure {
     let got = match jaws {
         Jaws::Nothing => "jaws that closed on nothing",
         Jaws::Lost => "jaws that have lost it",
-        Jaws::Stopped => "jaws that have stopped: find out why, then `slipbound gripper ADDRESS acknowledge`",
+        Jaws::Stopped => {
+            "jaws that have stopped: find out why, then `slipbound gripper ADDRESS acknowledge` (Robotiq: `home`)"
+        }
         Jaws::Open => "open jaws",
         Jaws::Closing => "jaws that are still closing",
         Jaws::Unknown | Jaws::Holding => "jaws that do not tell",

@@ -139,7 +139,7 @@ impl<P: Protocol> LockstepPair<Driver<P>> {
     pub fn state(&mut self) -> Result<GripperState, gripper::Error> {
         self.exchange();
         let state = self.driver.state(self.now_ns);
-        if matches!(state, Err(gripper::Error::Silent { .. })) && self.reconnects {
+        if matches!(state, Err(gripper::Error::Silent { .. } | gripper::Error::Unread { .. })) && self.reconnects {
             let _ = self.request(Request::Leave); // only its bytes matter: no answer will be read
             self.cut("nothing came through it");
         }

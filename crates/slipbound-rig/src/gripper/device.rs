@@ -87,7 +87,7 @@ impl Device {
     pub fn state(&mut self) -> Result<GripperState, Error> {
         self.poll_io();
         let state = self.driver.state(now_ns());
-        if matches!(state, Err(Error::Silent { .. })) {
+        if matches!(state, Err(Error::Silent { .. } | Error::Unread { .. })) {
             self.give_up_silent_link();
         }
         state

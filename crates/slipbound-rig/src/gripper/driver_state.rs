@@ -39,6 +39,8 @@ pub struct DriverState {
     /// Garbled bytes that have not been reported, and the time of the last report, ns.
     garbled_count: usize,
     garbled_ns: Option<u64>,
+    /// Bytes that are no message, until the first message.
+    unread_count: usize,
     fault: Option<Error>,
     events: VecDeque<DriverEvent>,
 }
@@ -65,6 +67,7 @@ impl DriverState {
             grasp: GraspTracker::default(),
             garbled_count: 0,
             garbled_ns: None,
+            unread_count: 0,
             fault: None,
             events: VecDeque::new(),
             config,
@@ -99,6 +102,7 @@ impl DriverState {
     /// A valid message was received: the link is alive.
     pub fn heard(&mut self) {
         self.link.heard(self.now_ns);
+        self.unread_count = 0;
     }
 
     /// Whether an object is, or may soon be, between the jaws.
@@ -138,6 +142,9 @@ impl DriverState {
     fn gathered(&mut self, event: DriverEvent) -> Option<DriverEvent> {
         let DriverEvent::Garbled { bytes_count } = event else { return Some(event) };
         self.garbled_count += bytes_count;
+        if !self.link.has_heard() {
+            self.unread_count += bytes_count;
+        }
         let is_quiet = self.garbled_ns.is_some_and(|told_ns| self.now_ns.saturating_sub(told_ns) < GARBLED_NS);
         if is_quiet {
             return None;
@@ -210,6 +217,9 @@ impl DriverState {
         let address = self.address();
         match problem {
             LinkProblem::Down { why } => Error::Lost { address, why },
+            LinkProblem::Silent { .. } if self.unread_count > 0 => {
+                Error::Unread { address, bytes_count: self.unread_count }
+            }
             LinkProblem::Silent { expected_ms, got_ms } => Error::Silent { address, expected_ms, got_ms },
         }
     }

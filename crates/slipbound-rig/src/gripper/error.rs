@@ -49,6 +49,14 @@ pub enum Error {
         /// Silence so far, ms.
         got_ms: u64,
     },
+    /// The link is up, but nothing that comes through it is a message, and nothing ever was.
+    #[error("{address}: expected a gripper, got {bytes_count} bytes that are no message: is it another interface?")]
+    Unread {
+        /// Where.
+        address: String,
+        /// Bytes so far.
+        bytes_count: usize,
+    },
     /// No answer to a command in time.
     #[error("{address}: expected an answer to {command} within {expected_ms} ms, got none")]
     Unanswered {
@@ -104,6 +112,14 @@ pub enum Error {
         /// Why, as far as it is known.
         why: String,
     },
+    /// The gripper reports a fault.
+    #[error("{address}: expected a gripper that may move, got {why}; home clears it")]
+    Fault {
+        /// Where.
+        address: String,
+        /// The fault.
+        why: String,
+    },
     /// It must be homed or activated first.
     #[error(
         "{address}: expected a gripper that knows where its jaws are, got one that is not homed; take the object out and run home"
@@ -147,12 +163,14 @@ impl Error {
     pub fn kind(&self) -> GripperErrorKind {
         match self {
             Error::Address { .. } | Error::Config(_) | Error::Unset { .. } => GripperErrorKind::Settings,
-            Error::Connect { .. } | Error::Lost { .. } | Error::Silent { .. } => GripperErrorKind::Link,
+            Error::Connect { .. } | Error::Lost { .. } | Error::Silent { .. } | Error::Unread { .. } => {
+                GripperErrorKind::Link
+            }
             Error::Unanswered { .. } => GripperErrorKind::Unanswered,
             Error::Refused { .. } | Error::Unable { .. } => GripperErrorKind::Refused,
             Error::Force { .. } => GripperErrorKind::Value,
             Error::Lowering { .. } => GripperErrorKind::Lowering,
-            Error::FastStop { .. } => GripperErrorKind::Stopped,
+            Error::FastStop { .. } | Error::Fault { .. } => GripperErrorKind::Stopped,
             Error::NotHomed { .. } => GripperErrorKind::NotHomed,
             Error::NotReady { .. } => GripperErrorKind::NotReady,
         }

@@ -88,6 +88,11 @@ impl LinkHealth {
         }
     }
 
+    /// Whether a valid message has ever been received.
+    pub fn has_heard(&self) -> bool {
+        self.has_heard
+    }
+
     /// Whether the link is up, also after the farewell.
     pub fn is_up(&self) -> bool {
         matches!(self.state, State::Up | State::Unproven { .. } | State::Leaving)

@@ -90,6 +90,23 @@ fn grasping() -> Driver {
     driver
 }
 
+#[test]
+fn bytes_that_are_no_message_are_told_of_where_no_message_ever_came() {
+    for name in ["wsg50", "gcl", "robotiq", "line"] {
+        let mut driver = driver(name, config(name));
+        driver.linked(0);
+        for at_ms in [100, 200] {
+            driver.receive(at_ms * MS, b"HTTP/1.0 400 Bad Request\r\n");
+        }
+        let silent = driver.state(600 * MS).expect_err(name).to_string();
+        assert!(silent.contains("bytes that are no message: is it another interface?"), "{silent}");
+    }
+    let mut driver = grasping();
+    driver.receive(2 * MS, b"HTTP/1.0 400 Bad Request\r\n");
+    let silent = driver.state(600 * MS).expect_err("silent").to_string();
+    assert!(silent.contains("got none for 599 ms; the gripper"), "{silent}");
+}
+
 /// An answer of a WSG-50 with this status.
 fn say(driver: &mut Driver, at_ms: u64, id: u8, code: u8) {
     let mut bytes = Vec::new();
@@ -325,7 +342,7 @@ fn a_robotiqs_fault_in_hexadecimal_is_one_without_0x_too() {
             }
         }
         let refused = driver.request(1000 * MS, Request::Grip(GripCommand::Hold { force_n: 50.0 }));
-        let is_stopped = matches!(refused, Err(Error::FastStop { .. }));
+        let is_stopped = matches!(refused, Err(Error::Fault { .. }));
         assert_eq!(is_stopped, stops, "FLT {fault}: {refused:?}");
     }
 }

@@ -77,7 +77,7 @@ impl Actuator {
         let begun = status.fault_in_words().filter(|_| fault_before.is_none());
         let has_begun = begun.is_some();
         if let Some(why) = begun {
-            driver.push_event(DriverEvent::FastStop { why });
+            driver.push_event(DriverEvent::FastStop { why: format!("{why}; home clears it") });
             (self.goal, self.is_homing) = (Goal::Keep, false);
         }
         let is_deactivating = self.goal == Goal::Deactivate && self.has_accepted_deactivation;
@@ -118,7 +118,7 @@ impl Actuator {
             return Err(Error::NotReady { address: driver.address(), expected: "its status" });
         };
         if let Some(why) = status.fault_in_words() {
-            return Err(Error::FastStop { address: driver.address(), why });
+            return Err(Error::Fault { address: driver.address(), why });
         }
         if !status.is_active() || self.is_homing {
             return Err(Error::NotHomed { address: driver.address() });

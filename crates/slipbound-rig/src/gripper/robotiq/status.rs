@@ -70,7 +70,7 @@ impl Status {
             0xE => "overcurrent",
             _ => "an automatic release was done",
         };
-        Some(format!("fault {}, {words}; home clears it", self.fault))
+        Some(format!("fault {}, {words}", self.fault))
     }
 
     /// The state of the jaws; `has_held` distinguishes a lost object from one that was never there.
