@@ -92,7 +92,9 @@ pub enum Error {
     /// A lower force while something is held, and it is not known whether this gripper keeps its grip during the
     /// change.
     #[error(
-        "{address}: a lower force was asked for while holding ({from_n} N to {to_n} N per finger), but this gripper has not been shown to hold on through that: run check-hold, then set lowering = \"allow\""
+        "{address}: a lower force was asked for while holding ({} N to {} N per finger), but this gripper has not been shown to hold on through that: run check-hold, then set lowering = \"allow\"",
+        hundredths(*.from_n),
+        hundredths(*.to_n)
     )]
     Lowering {
         /// Where.
@@ -156,6 +158,11 @@ pub enum Error {
         /// The command.
         command: &'static str,
     },
+}
+
+/// A force as it is read: nobody measures it more exactly.
+fn hundredths(force_n: f64) -> f64 {
+    (force_n * 100.0).round() / 100.0
 }
 
 impl Error {
