@@ -5,6 +5,9 @@
 //!                <--poll----- BASE/state    slipbound_msgs/WristState     10 Hz or more; 0.3 s of silence is a fault
 //! ```
 //!
+//! A state whose angle or lowering is no number says nothing. After a silence the first position has to continue the
+//! last one: a node that was restarted counts from a new zero.
+//!
 //! A motion lasts `time_to_live_ns`, 200 ms at most: the node at the other end must pause by itself when no command has
 //! arrived for that long, because this end may be gone.
 
@@ -17,13 +20,16 @@ use slipbound::port::{
     LONGEST_TIME_TO_LIVE_NS, Wrist, WristCommand, WristError, WristErrorKind, WristMotion, WristState,
 };
 use slipbound_rig::link::now_ns;
+use slipbound_rig::wrist::ZeroCheck;
 
 /// The wrist at a pair of topics.
 pub struct TopicWrist {
+    topic: String,
     commands: Publisher<WristCommandMessage>,
     states: Inbox<WristStateMessage>,
     heartbeat: Heartbeat,
     state: Option<WristState>,
+    zero: ZeroCheck,
 }
 
 impl TopicWrist {
@@ -33,8 +39,10 @@ impl TopicWrist {
         Ok(TopicWrist {
             commands: ros.publisher(&format!("{base}/command"), &LAST_RELIABLE)?,
             states: ros.inbox(&topic, &SENSOR_DATA)?,
-            heartbeat: Heartbeat::new(&topic),
+            heartbeat: Heartbeat::new(&format!("angle_rad and lowered_mm of {topic}")),
             state: None,
+            zero: ZeroCheck::default(),
+            topic,
         })
     }
 }
@@ -87,6 +95,7 @@ impl Wrist for TopicWrist {
         let is_linked = self.heartbeat.check(now_ns()).map_err(lost);
         if command.motion != WristMotion::Pause {
             is_linked?;
+            self.zero.commanded(command.motion);
             return self.commands.publish(message).map_err(|e| lost(e.to_string()));
         }
         self.commands.publish(message).map_err(|e| lost(e.to_string()))?;
@@ -97,18 +106,22 @@ impl Wrist for TopicWrist {
         self.poll_io();
         let lost = |why: String| WristError::new(WristErrorKind::Link, why);
         self.heartbeat.check(now_ns()).map_err(lost)?;
-        self.state.ok_or_else(|| lost("expected a state, got none so far".into()))
+        let state = self.state.ok_or_else(|| lost("expected a state, got none so far".into()))?;
+        self.zero.check(&self.topic, &state)?;
+        Ok(state)
     }
 
     fn poll_io(&mut self) {
-        if let Some(message) = self.states.newest() {
-            let now_ns = now_ns();
-            self.heartbeat.received(now_ns);
-            let WristStateMessage { angle_rad, lowered_mm, moving, .. } = message;
-            if angle_rad.is_finite() && lowered_mm.is_finite() {
-                self.state = Some(WristState { time_ns: now_ns, angle_rad, lowered_mm, moving });
-            }
+        let Some(WristStateMessage { angle_rad, lowered_mm, moving, .. }) = self.states.newest() else { return };
+        if !(angle_rad.is_finite() && lowered_mm.is_finite()) {
+            return;
         }
+        let now_ns = now_ns();
+        if self.heartbeat.is_silent(now_ns) {
+            self.zero.interrupted(self.state);
+        }
+        self.heartbeat.received(now_ns);
+        self.state = Some(WristState { time_ns: now_ns, angle_rad, lowered_mm, moving });
     }
 }
 

@@ -8,9 +8,11 @@ mod device;
 mod dry;
 mod error;
 mod line;
+mod zero;
 
 pub use address::open;
 pub use device::Device;
 pub use dry::Dry;
 pub use error::Error;
 pub use line::LineWrist;
+pub use zero::ZeroCheck;

@@ -6,7 +6,8 @@ use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::hand::{Mounting, Side};
 use slipbound::monitor::Settings;
 use slipbound::port::{
-    FrameBuffer, FrameSource, GripCommand, Gripper, GripperErrorKind, Jaws, Next, SourceError, Wrist, WristMotion,
+    FrameBuffer, FrameSource, GripCommand, Gripper, GripperErrorKind, Jaws, Next, SourceError, Wrist, WristError,
+    WristErrorKind, WristMotion, WristState,
 };
 use slipbound::task::{ControllerKind, Phase, TaskKind, TaskSettings};
 use slipbound_lab::scenes::Trial;
@@ -15,7 +16,8 @@ use slipbound_rig::link::now_ns;
 use slipbound_rig::realtime;
 use slipbound_ros2::gripper::TopicGripper;
 use slipbound_ros2::gripper_action::{ActionGripper, ActionGripperConfig};
-use slipbound_ros2::ros::Ros;
+use slipbound_ros2::msg::{Header, WristState as WristStateMessage};
+use slipbound_ros2::ros::{Ros, SENSOR_DATA, stamp};
 use slipbound_ros2::wrist::TopicWrist;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -283,6 +285,39 @@ fn a_gripper_that_nobody_is_says_so() {
     assert!(told.to_string().contains("/nobody/state: expected a state every 300 ms"), "{told}");
     let told = gripper.command(GripCommand::Hold { force_n: f64::NAN }).expect_err("no number");
     assert_eq!(told.kind, GripperErrorKind::Value);
+}
+
+/// A wrist node that stands at 20 mm, knows its distance no longer, and is restarted, which counts from 0.
+#[test]
+fn a_wrist_without_a_position_is_silent_and_one_that_counts_from_a_new_zero_is_a_fault() {
+    let domain_id = domain_id(5);
+    let mut node = Ros::new("/", "test_wrist_node", domain_id).expect("joins");
+    let states = node.publisher("/zero/state", &SENSOR_DATA).expect("a publisher");
+    let mut ros = Ros::new("/", "test_wrist", domain_id).expect("joins");
+    let mut wrist = TopicWrist::new(&mut ros, "/zero").expect("topics");
+    let mut publishes = |lowered_mm: f64, what: &str, is_so: fn(&Result<WristState, WristError>) -> bool| {
+        let mut told = wrist.poll();
+        let after = await_that(what, LONGEST_WAIT, || {
+            let header = Header { stamp: stamp(), frame_id: String::new() };
+            states.publish(WristStateMessage { header, angle_rad: 0.5, lowered_mm, moving: false }).expect("said");
+            sleep(Duration::from_millis(10));
+            told = wrist.poll();
+            is_so(&told)
+        });
+        (told, after)
+    };
+    publishes(20.0, "a position", Result::is_ok).0.expect("there");
+    let (told, after) = publishes(f64::NAN, "silence", Result::is_err);
+    let told = told.expect_err("no position");
+    assert!(told.kind == WristErrorKind::Link && after < Duration::from_secs(1), "{told} after {after:?}");
+    assert!(
+        told.to_string().contains("angle_rad and lowered_mm of /zero/state: expected a state every 300 ms"),
+        "{told}"
+    );
+    let is_other = |told: &Result<_, WristError>| !matches!(told, Err(e) if e.kind == WristErrorKind::Link);
+    let told = publishes(0.0, "a position", is_other).0.expect_err("20 mm away");
+    assert!(told.to_string().contains("/zero/state: expected lowered_mm within 1 of 20"), "{told}");
+    assert_eq!(publishes(20.5, "the position of before", Result::is_ok).0.expect("there").lowered_mm, 20.5);
 }
 
 /// The namespace and the device made by `ros2/namespaces.sh`.

@@ -1,23 +1,13 @@
 //! The driver of a wrist by the line protocol, a state machine that receives the time.
 
 use super::error::Error;
+use super::zero::{SILENCE_MS, ZeroCheck};
 use crate::gripper::line::{Answer, VERSION, ask, number_of};
 use crate::link::{Endpoint, InFlight, Lines, LinkHealth, LinkProblem, write_line};
 use slipbound::port::{LONGEST_TIME_TO_LIVE_NS, WristCommand, WristMotion, WristState};
 
 /// Longest wait for an answer, ms.
 const REPLY_MS: u64 = 100;
-
-/// Longest time without a position, ms.
-const SILENCE_MS: u64 = 300;
-
-/// How long a motion can go on after the last report of a link that is lost, s: until the silence is noticed, and until
-/// the motion expires.
-const UNSEEN_S: f64 = (SILENCE_MS as f64 * 1e6 + LONGEST_TIME_TO_LIVE_NS as f64) * 1e-9;
-
-/// How far a wrist at rest may be from where its motion ended.
-const SLACK_RAD: f64 = 0.05;
-const SLACK_MM: f64 = 1.0;
 
 /// A command with its number.
 #[derive(Debug)]
@@ -44,10 +34,7 @@ pub struct LineWrist {
     other_version: Option<u32>,
     /// The newest WRIST line and its time, ns, where a number is missing in it.
     incomplete: Option<(u64, String)>,
-    /// Its last position on the link before this one.
-    before: Option<WristState>,
-    /// How far the last motions can go unreported when the link is lost: angle in rad and lowering in mm.
-    most: [f64; 2],
+    zero: ZeroCheck,
     fault: Option<Error>,
 }
 
@@ -66,8 +53,7 @@ impl LineWrist {
             is_greeted: false,
             other_version: None,
             incomplete: None,
-            before: None,
-            most: [0.0; 2],
+            zero: ZeroCheck::default(),
             fault: None,
         }
     }
@@ -102,11 +88,7 @@ impl LineWrist {
             WristMotion::Pause => ask("PAUSE", &[]),
         };
         self.link.check(now_ns).map_err(|problem| self.link_error(problem))?;
-        match command.motion {
-            WristMotion::Turn { rate_rad_per_s, .. } => self.most[0] = rate_rad_per_s.abs() * UNSEEN_S,
-            WristMotion::Lower { rate_mm_per_s, .. } => self.most[1] = rate_mm_per_s.abs() * UNSEEN_S,
-            WristMotion::Pause => {} // it may not arrive
-        }
+        self.zero.commanded(command.motion);
         // A pause waits for nothing.
         if command.motion == WristMotion::Pause {
             self.next = None;
@@ -128,9 +110,11 @@ impl LineWrist {
             return Err(fault);
         }
         let start = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
-        let known = self.state.or(self.before.is_none().then_some(start));
+        let known = self.state.or((!self.zero.is_open()).then_some(start));
         let state = known.ok_or_else(|| Error::Unstated { address: self.address.clone() })?;
-        self.check_zero(&state)?;
+        if self.state.is_some() {
+            self.zero.check(&self.address, &state)?;
+        }
         Ok(state)
     }
 
@@ -144,23 +128,6 @@ impl LineWrist {
             }
             (None, _) => Ok(()),
         }
-    }
-
-    /// Fails for a position on a new link that the last motion cannot have reached. One that continues the last one
-    /// ends the comparison.
-    fn check_zero(&mut self, now: &WristState) -> Result<(), Error> {
-        let Some(before) = self.before.filter(|_| self.state.is_some()) else { return Ok(()) };
-        let pairs = [
-            ("angle_rad", before.angle_rad, now.angle_rad, self.most[0] + SLACK_RAD),
-            ("lowered_mm", before.lowered_mm, now.lowered_mm, self.most[1] + SLACK_MM),
-        ];
-        for (key, expected, got, most) in pairs {
-            if (got - expected).abs() > most {
-                return Err(Error::OtherZero { address: self.address.clone(), key, expected, most, got });
-            }
-        }
-        self.before = None;
-        Ok(())
     }
 
     fn cannot(&self, key: &'static str, expected: &'static str, got: f64) -> Error {
@@ -244,7 +211,7 @@ impl Endpoint for LineWrist {
         self.lines.clear();
         self.outgoing.clear();
         self.link.up(now_ns);
-        self.before = self.before.or(self.state);
+        self.zero.interrupted(self.state);
         (self.next, self.in_flight, self.state, self.fault) = (None, None, None, None);
         (self.is_greeted, self.other_version, self.incomplete) = (false, None, None);
     }
