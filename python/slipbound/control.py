@@ -127,7 +127,7 @@ class Finger:
     sensor : Sensor, str or path
         Its facts.
     side : {"left", "right"}
-        Its side of the object.
+        Its side of the object; several fingers are on both sides.
     settings : Settings, str, path or None
         Settings of its monitor.
     name : str or None

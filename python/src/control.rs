@@ -115,6 +115,18 @@ fn finished<E: std::fmt::Display>(
     newest.ok_or_else(|| crate::errors::internal("a cycle that nobody was shown"))
 }
 
+/// Refuses a hand whose fingers are all on one side: it cannot hold anything.
+fn check_sides(sides: &[Side]) -> Result<(), BadSetting> {
+    match sides {
+        [first, .., last] if sides.iter().all(|side| side == first) => Err(BadSetting {
+            key: format!("fingers[{}].side", sides.len() - 1),
+            expected: "fingers on both sides".into(),
+            got: format!("`{}` for all {}", last.name(), sides.len()),
+        }),
+        _ => Ok(()),
+    }
+}
+
 /// The control loop around sources, gripper and wrist written in Python. See `slipbound.control.ControlLoop`.
 #[pyclass(frozen, module = "slipbound.control")]
 pub struct Loop {
@@ -158,7 +170,7 @@ impl Loop {
     ) -> PyResult<Self> {
         let (raised, mut held) = (Raised::default(), Vec::new());
         let order = byte_order(order)?;
-        let mut pipelines: Vec<FingerPipeline> = Vec::new();
+        let (mut pipelines, mut sides): (Vec<FingerPipeline>, Vec<Side>) = (Vec::new(), Vec::new());
         for finger in fingers {
             let FingerRow { name, turn_rad, source: object, rest, refuses_touch, .. } = finger;
             if name.is_empty() || pipelines.iter().any(|other| other.name() == name) {
@@ -166,6 +178,7 @@ impl Loop {
                 return Err(setting(BadSetting { key, expected, got: format!("`{name}`") }));
             }
             let side: Side = finger.side.parse().map_err(setting)?;
+            sides.push(side);
             let sensor = sensor_of(&finger.sensor)?;
             let monitor = settings_of(finger.settings.as_ref())?;
             let rest = rest_given(py, &rest, order, &sensor, &monitor)?;
@@ -187,6 +200,7 @@ impl Loop {
                 expected: "one to four".into(),
             }));
         }
+        check_sides(&sides).map_err(setting)?;
         let (kind, settings) = (task.parse().map_err(setting)?, task_settings(settings)?);
         let sensors: Vec<&CoreSensor> = pipelines.iter().map(FingerPipeline::sensor).collect();
         let task = task_of(kind, controller, settings, &sensors, &raised, &mut held)?;

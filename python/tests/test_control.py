@@ -308,6 +308,8 @@ def test_a_finger_has_a_name_a_rest_frame_and_a_mounting(still, sensor, tmp_path
         made(turn_rad=50.0)
     with pytest.raises(slipbound.SettingError, match="rest: expected"):
         made(rest="now")
+    with pytest.raises(slipbound.SettingError, match=r"fingers\[1\].side: expected fingers on both sides, got `left` for all 2"):
+        ControlLoop([Finger(Recorded(still), sensor) for _ in range(2)], Jaws(), Arm())
     with pytest.raises(slipbound.SettingError, match="no two alike, got `thumb`"):
         ControlLoop([Finger(Recorded(still), sensor, name="thumb") for _ in range(2)], Jaws(), Arm())
     pressed = Finger(Recorded(still[-30:]), sensor, refuses_touch=True)
