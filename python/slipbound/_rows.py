@@ -31,20 +31,24 @@ def _put(row: dict[str, Value], key: str, value: Any, template: Any) -> None:
             _put(row, prefix + name, None if value is None else value.get(name), part)
     elif isinstance(template, list):
         for i, name in enumerate(("x", "y")):
-            row[prefix + name] = None if value is None else value[i]
+            _put(row, prefix + name, None if value is None else value[i], template[i])
     else:
-        row[key] = value
+        # JSON writes a whole number without a fraction; a column has one type.
+        row[key] = float(value) if isinstance(template, float) and value is not None else value
 
 
 def flat(line: dict[str, Any]) -> dict[str, Value]:
-    """Flatten a report's dict: every report has every column, None where it is unknown."""
+    """Flatten a report's dict: every report has every column, of one type, None where it is unknown."""
     row: dict[str, Value] = {}
     _put(row, "", line, _template())
     return row
 
 
 def rows(reports: Iterable[Report]) -> list[dict[str, Value]]:
-    """Flatten reports to rows of equal columns: ``polars.DataFrame(rows)``, ``pyarrow.Table.from_pylist(rows)``.
+    """Flatten reports to rows of equal columns.
+
+    For ``pyarrow.Table.from_pylist(rows)`` or ``polars.DataFrame(rows, infer_schema_length=None)``: by itself polars looks
+    at the first 100 rows only, and at rest most of their values are None.
 
     Parameters
     ----------
@@ -55,9 +59,9 @@ def rows(reports: Iterable[Report]) -> list[dict[str, Value]]:
     -------
     list of dict
         Keys are those of the JSON report joined by ``_``: ``contact_area_px2``, ``margin_value``,
-        ``motion_translation_px_x``; an unknown value is None.
+        ``motion_translation_px_x``; an unknown value is None, and so is what was not measured, as in a torn frame.
     """
-    return [flat(report.to_dict()) for report in reports]
+    return [report.to_row() for report in reports]
 
 
 def to_pandas(reports: Iterable[Report]) -> pandas.DataFrame:

@@ -9,6 +9,7 @@ use slipbound::monitor::{
     SlipReport, SlipSummary,
 };
 use slipbound::plane::Vec2;
+use slipbound_rig::report_csv::{MEASURED, is_unmeasured};
 use slipbound_rig::report_json::frame_line;
 use std::sync::Arc;
 
@@ -322,9 +323,13 @@ impl Report {
     }
 
     /// The same as a flat dict: `contact_area_px2`, `motion_translation_px_x`, ... The keys are the same for every
-    /// report; an unknown value is None.
+    /// report; an unknown value is None, and so is what was not measured, as in a torn frame.
     fn to_row<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        py.import("slipbound._rows")?.call_method1("flat", (self.to_dict(py, false)?,))
+        let line = self.to_dict(py, false)?;
+        if self.waiting.is_some() || is_unmeasured(&self.report) {
+            MEASURED.iter().try_for_each(|part| line.set_item(part, py.None()))?;
+        }
+        py.import("slipbound._rows")?.call_method1("flat", (line,))
     }
 
     fn __repr__(&self) -> PyResult<String> {
@@ -335,7 +340,7 @@ impl Report {
     }
 }
 
-/// The line of a report in which nothing is None: it defines the columns.
+/// The line of a report in which nothing is None: it defines the columns and their types.
 #[pyfunction]
 pub fn full_line() -> PyResult<String> {
     String::from_utf8(slipbound_rig::report_csv::full_line().map_err(internal)?).map_err(internal)

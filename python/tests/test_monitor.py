@@ -92,6 +92,7 @@ def test_rest_is_found_among_the_first_frames(frames, sensor):
     assert {r.state for r in waiting} == {"unjudged"}
     assert "looked for among the first 20 frames" in waiting[0].reason
     assert json.loads(waiting[0].to_json())["reason"] == waiting[0].reason
+    assert waiting[0].to_row()["markers_lost"] is None, "not measured"
     assert monitor.is_ready and monitor.refusal is None
     assert monitor.step(frames[0].image()).state == "no_contact"
 

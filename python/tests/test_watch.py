@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import socket
 import subprocess
 import sys
@@ -126,6 +127,27 @@ def test_of_a_camera_the_newest_frame_is_judged_and_it_is_free_again_when_closed
     watched.close()
     with contextlib.suppress(ConnectionResetError):
         assert camera.client.recv(1, socket.MSG_DONTWAIT) == b""
+
+
+def value_of(cell: str) -> float | bool | str | None:
+    """The value of a cell of a table."""
+    with contextlib.suppress(ValueError):
+        return float(cell)
+    return {"": None, "true": True, "false": False}.get(cell, cell)
+
+
+@pytest.mark.filterwarnings("ignore:.* is torn:RuntimeWarning")
+def test_rows_are_those_of_the_command_and_a_column_has_one_type(tmp_path):
+    source, file = f"sim:{SCENE}&fault=drop=0.1,torn=0.2", tmp_path / "run.csv"
+    command = [sys.executable, "-m", "slipbound", "watch", source, "--csv", str(file)]
+    assert subprocess.run(command, capture_output=True, check=False).returncode == 3
+    with file.open(newline="") as table:
+        expected = [{name: value_of(cell) for name, cell in row.items()} for row in csv.DictReader(table)]
+    rows = slipbound.rows(slipbound.watch(source))
+    assert rows == expected and any(row["reason"] == "torn frame" for row in rows)
+    for name in rows[0]:
+        types = {type(row[name]) for row in rows if row[name] is not None}
+        assert len(types) <= 1, (name, types)
 
 
 def clips() -> list[tuple[str, str]]:

@@ -20,28 +20,36 @@ use std::io::{self, Write};
 /// Names of the components of a position or displacement.
 const PARTS: [&str; 2] = ["x", "y"];
 
-/// A report with every field set: it defines the columns.
+/// A report with every field set: it defines the columns. Only numbers that may have a fraction have one.
 fn full_report() -> SlipReport {
-    let some = Some(Estimate { value: 0.0, sd: 0.0, age_frames: 0 });
-    let (zero, none) = (Vec2::ZERO, Some(0.0));
+    let some = Some(Estimate { value: 0.5, sd: 0.5, age_frames: 0 });
+    let (point, number) = (Vec2::new(0.5, 0.5), Some(0.5));
     SlipReport {
         seq: 0,
         time_ns: Some(0),
         state: SlipState::Stick,
         reason: Some(Reason::Torn),
-        contact: ContactReport { area_mm2: none, ..ContactReport::default() },
+        contact: ContactReport { area_px2: 0.5, area_mm2: number, quality: 0.5 },
         markers: MarkerCounts::default(),
         reference_seq: 0,
-        grip_n: none,
+        grip_n: number,
         motion: Some(MotionReport {
-            reference_px: zero,
-            translation_px: zero,
-            translation_mm: Some(zero),
-            rotation_rad: 0.0,
-            icr_px: Some(zero),
+            reference_px: point,
+            translation_px: point,
+            translation_mm: Some(point),
+            rotation_rad: 0.5,
+            icr_px: Some(point),
         }),
-        shear: Some(ShearReport { translation_px: zero, translation_mm: Some(zero), rotation_rad: 0.0 }),
-        slip: SlipSummary { max_mm: none, kind: Some(SlipKind::Both), direction_rad: none, ..SlipSummary::default() },
+        shear: Some(ShearReport { translation_px: point, translation_mm: Some(point), rotation_rad: 0.5 }),
+        slip: SlipSummary {
+            markers_over: 0,
+            markers_needed: 0,
+            threshold_pitch: 0.5,
+            max_pitch: 0.5,
+            max_mm: number,
+            kind: Some(SlipKind::Both),
+            direction_rad: number,
+        },
         estimates: Estimates {
             stick_ratio: some,
             margin: some,
@@ -52,31 +60,31 @@ fn full_report() -> SlipReport {
         },
         evidence: Some(EvidenceReport {
             reference_seq: 0,
-            relaxation: 0.0,
-            centre_rim_ratio: none,
-            imprint_change: none,
+            relaxation: 0.5,
+            centre_rim_ratio: number,
+            imprint_change: number,
             imprint_age_frames: 0,
-            slide_score: 0.0,
-            slide_px: zero,
-            slide_rad: 0.0,
+            slide_score: 0.5,
+            slide_px: point,
+            slide_rad: 0.5,
             slides: false,
-            slide_pitch_per_s: none,
-            slide_mm_per_s: none,
+            slide_pitch_per_s: number,
+            slide_mm_per_s: number,
         }),
     }
 }
 
-/// Columns of what is measured in every judged frame.
-const MEASURED: [&str; 3] = ["contact_", "markers_", "slip_"];
+/// The parts of a report that are measured in every judged frame.
+pub const MEASURED: [&str; 3] = ["contact", "markers", "slip"];
 
 /// Whether a frame was not measured at all.
-fn is_unmeasured(report: &SlipReport) -> bool {
+pub fn is_unmeasured(report: &SlipReport) -> bool {
     use Reason::{Dark, FrameSize, Gap, Torn};
     let is_reason = matches!(report.reason, Some(Dark { .. } | FrameSize { .. } | Gap { .. } | Torn));
     report.state == SlipState::Unjudged && is_reason
 }
 
-/// The line of a report in which nothing is null.
+/// The line of a report in which nothing is null, and every number that may have a fraction has one.
 pub fn full_line() -> io::Result<Vec<u8>> {
     frame_line("finger", 0, &full_report(), None)
 }
@@ -185,7 +193,7 @@ impl<W: Write> ReportCsv<W> {
         let mut row = csv::StringRecord::new();
         let is_unmeasured = is_unmeasured(report);
         each_leaf(&self.full, Some(&line), "", &mut |name, value| {
-            let is_empty = is_unmeasured && MEASURED.iter().any(|start| name.starts_with(start));
+            let is_empty = is_unmeasured && name.split_once('_').is_some_and(|(part, _)| MEASURED.contains(&part));
             row.push_field(if is_empty { "" } else { value });
         });
         self.frames_count += 1;
@@ -222,10 +230,10 @@ mod tests {
         let records: Vec<_> = rows.records().map(|row| row.expect("as long as the header")).collect();
         assert_eq!(names.iter().take(6).collect::<Vec<_>>(), ["finger", "frame", "seq", "time_ns", "state", "reason"]);
         assert_eq!((&records[0][column("finger")], &records[0][column("seq")]), ("left, upper", "7"));
-        assert_eq!(&records[0][column("motion_translation_px_y")], "0");
+        assert_eq!(&records[0][column("motion_translation_px_y")], "0.5");
         assert_eq!((&records[1][column("frame")], &records[1][column("time_ns")]), ("1", ""));
         assert_eq!((&records[1][column("state")], &records[1][column("motion_icr_px_x")]), ("unjudged", ""));
-        assert_eq!((&records[1][column("margin_value")], &records[1][column("markers_lost")]), ("0", "0"));
+        assert_eq!((&records[1][column("margin_value")], &records[1][column("markers_lost")]), ("0.5", "0"));
         let values = |name: &str| records[2][column(name)].to_owned();
         assert_eq!(["state", "reason", "seq"].map(values), ["unjudged", "torn frame", "0"]);
         assert_eq!(["contact_area_mm2", "markers_lost", "slip_max_pitch"].map(values), ["", "", ""], "not measured");
