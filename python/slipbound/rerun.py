@@ -19,6 +19,14 @@ __all__ = ["blueprint", "log"]
 
 #: The last logged verdict, by recording and name of the finger.
 _last_state: dict[tuple[str | None, str], str] = {}
+#: The scalars and their columns in ``Report.to_row``.
+_NUMBERS = {
+    "margin": "margin_value",
+    "stick_ratio": "stick_ratio_value",
+    "contact_area_px2": "contact_area_px2",
+    "grip_n": "grip_n",
+    "slipping_markers": "slip_markers_over",
+}
 _LEVELS = {"incipient": rr.TextLogLevel.WARN, "gross": rr.TextLogLevel.ERROR, "unjudged": rr.TextLogLevel.WARN}
 
 
@@ -44,7 +52,9 @@ def log(
     """
     name = report.finger
     rr.set_time("frame", sequence=report.seq, recording=recording)
-    if report.time_ns is not None:
+    if report.time_ns is None:
+        rr.disable_timeline("time", recording=recording)
+    else:
         rr.set_time("time", duration=report.time_ns * 1e-9, recording=recording)
     if image is not None:
         model = "L" if image.ndim == 2 else order
@@ -56,15 +66,10 @@ def log(
         seen = field.matched & field.in_contact
         slips = rr.Arrows2D(origins=field.now_px[seen], vectors=field.slip_px[seen], colors=[160, 0, 200])
         rr.log(f"{name}/slip", slips, recording=recording)
-    numbers = {
-        "margin": None if report.margin is None else report.margin.value,
-        "stick_ratio": None if report.stick_ratio is None else report.stick_ratio.value,
-        "contact_area_px2": report.contact.area_px2,
-        "grip_n": report.grip_n,
-        "slipping_markers": report.slip.markers_over,
-    }
-    for key, value in numbers.items():
-        if value is not None:
+    row = report.to_row()
+    for key, column in _NUMBERS.items():
+        value = row[column]
+        if isinstance(value, (int, float)):
             rr.log(f"{name}/{key}", rr.Scalars(value), recording=recording)
     key_of_state = (rr.get_recording_id(recording), name)
     if _last_state.get(key_of_state) != report.state:

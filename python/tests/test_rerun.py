@@ -40,3 +40,24 @@ def test_every_recording_begins_with_a_verdict(tmp_path):
         recording.flush()
         recording.disconnect()
         assert b"left/state" in (tmp_path / name).read_bytes(), name
+
+
+def test_a_frame_without_a_time_has_none_and_one_that_was_not_measured_no_numbers(tmp_path, monitor, frames):
+    import slipbound.rerun
+
+    chunk = pytest.importorskip("rerun.chunk")
+    file = tmp_path / "run.rrd"
+    recording = rr.RecordingStream("slipbound_test")
+    recording.save(file)
+    image = frames[0].image()
+    for report in (monitor.step(image, time_ns=10**9), monitor.step(image), monitor.step(image[::2, ::2].copy())):
+        slipbound.rerun.log(report, recording=recording)
+    recording.flush()
+    recording.disconnect()
+    shown = {"contact_area_px2": set(), "state": set()}
+    for part in chunk.RrdReader(file).stream().to_chunks():
+        kind = part.entity_path.rpartition("/")[2]
+        if kind in shown:
+            seqs = part.to_record_batch().column("frame").to_pylist()
+            shown[kind] |= {(seq, "time" in part.timeline_names) for seq in seqs}
+    assert shown == {"contact_area_px2": {(0, True), (1, False)}, "state": {(0, True), (2, False)}}
