@@ -26,7 +26,8 @@ use slipbound_rig::sensors::{self, RecordingError};
 use slipbound_rig::source::{self, Arrivals, Awaited, Newest, ReadAhead, most_common_size};
 use std::ffi::CString;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, TryLockError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -36,19 +37,33 @@ const WHAT: &str = "watch";
 /// Longest wait until a camera is closed: its thread looks up every tenth of a second, unless it is connecting again.
 const LONGEST_CLOSE: Duration = Duration::from_millis(300);
 
+/// Longest wait for another thread that takes a report: of a silent camera it looks up every tenth of a second.
+const LONGEST_USE: Duration = Duration::from_secs(1);
+
 /// A recording, and where it was opened.
 struct Open {
     recording: ReadAhead,
     monitor: Box<RecordingMonitor>,
+    /// The frame of the newest report.
     frame: FrameBuffer,
-    /// Whether the newest frame is whole.
+    /// Whether it is whole.
     whole: bool,
+    /// What is being read.
+    read: FrameBuffer,
     frames_count: u64,
     process_id: u32,
     /// Of a camera, which is read on a thread of its own.
     arrivals: Option<Arrivals>,
     /// The exception that Ctrl-C raised while the source gave no whole frame.
     raised: Raised,
+}
+
+impl Open {
+    /// What was read is the frame of the newest report.
+    fn take(&mut self, whole: bool) {
+        std::mem::swap(&mut self.frame, &mut self.read);
+        self.whole = whole;
+    }
 }
 
 /// A source whose first frames are read: a camera may be silent, or torn, for any time, and Ctrl-C ends that.
@@ -84,6 +99,8 @@ pub struct Watch {
     rest_kind: RestKind,
     /// None when it was closed.
     open: Mutex<Option<Open>>,
+    /// Whether it is to be closed: set without a lock, which a thread that waits for a silent camera keeps.
+    closes: AtomicBool,
 }
 
 /// See the package's `watch`.
@@ -235,9 +252,11 @@ impl Watch {
         let sensor = Arc::new(monitor.sensor().clone());
         let monitor = Box::new(RecordingMonitor::with_rest_of_first_frames(monitor).map_err(setting)?);
         let process_id = std::process::id();
-        let frame = FrameBuffer::default();
-        let open = Open { recording, monitor, frame, whole: false, frames_count: 0, process_id, arrivals, raised };
-        Ok(Watch { source: uri, finger, sensor, settings, clock, rest_kind, open: Mutex::new(Some(open)) })
+        let (frame, read) = (FrameBuffer::default(), FrameBuffer::default());
+        let open =
+            Open { recording, monitor, frame, whole: false, read, frames_count: 0, process_id, arrivals, raised };
+        let (open, closes) = (Mutex::new(Some(open)), AtomicBool::new(false));
+        Ok(Watch { source: uri, finger, sensor, settings, clock, rest_kind, open, closes })
     }
 
     fn closed(&self) -> PyErr {
@@ -252,17 +271,20 @@ impl Watch {
         }
         let mut torn_why = None;
         let report = loop {
-            open.whole = false;
-            let next = open.recording.next(&mut open.frame);
+            if self.closes.load(Ordering::Relaxed) {
+                return Err(self.closed());
+            }
+            let next = open.recording.next(&mut open.read);
             match next.map_err(|error| open.raised.take().unwrap_or_else(|| failed(error)))? {
                 Next::End => return Ok(None),
                 Next::Silent => {}
                 Next::Torn { reason } => {
+                    open.take(false);
                     torn_why = Some(format!("{}: {}", self.source, torn(&open.frame, &reason)));
                     break open.monitor.torn(open.frame.seq, open.frame.time_ns);
                 }
                 Next::Frame => {
-                    open.whole = true;
+                    open.take(true);
                     let judged = open.monitor.step(&open.frame, &mut (), &mut |_, _| {});
                     break judged.map_err(|e| failed(e.into()))?;
                 }
@@ -303,8 +325,15 @@ impl Watch {
         open.whole.then(|| array(py, pixels.clone(), *size, *format, order)).transpose()
     }
 
-    /// Closes the source. Reports already given stay valid.
+    /// Closes the source. Reports already given stay valid; a thread that waits for the next one gets a `ClosedError`.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
+        self.closes.store(true, Ordering::Relaxed);
+        py.detach(|| {
+            let from = Instant::now();
+            while matches!(self.open.try_lock(), Err(TryLockError::WouldBlock)) && from.elapsed() < LONGEST_USE {
+                thread::sleep(Duration::from_millis(1));
+            }
+        });
         let Some(open) = exclusive(&self.open, WHAT)?.take() else { return Ok(()) };
         py.detach(|| close(open));
         Ok(())

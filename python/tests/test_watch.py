@@ -129,6 +129,27 @@ def test_of_a_camera_the_newest_frame_is_judged_and_it_is_free_again_when_closed
         assert camera.client.recv(1, socket.MSG_DONTWAIT) == b""
 
 
+def test_close_ends_the_wait_of_another_thread_for_a_camera_that_is_silent(frames, sensor):
+    camera = Camera([frame.jpeg for frame in frames])
+    watched = slipbound.watch(camera.address, sensor=sensor)
+    raised: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            for _ in watched:
+                pass
+        except slipbound.Error as error:
+            raised.append(error)
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    camera.pauses.set()
+    time.sleep(0.5)
+    watched.close()
+    thread.join(2)
+    assert not thread.is_alive() and isinstance(raised[0], slipbound.ClosedError)
+
+
 def value_of(cell: str) -> float | bool | str | None:
     """The value of a cell of a table."""
     with contextlib.suppress(ValueError):
@@ -171,7 +192,7 @@ def test_recordings_give_the_lines_of_the_command(tmp_path):
     assert compared_count > 100
 
 
-def test_image_table_and_overlay(tmp_path):
+def test_image_table_and_overlay(frames):
     with slipbound.watch(f"sim:{SCENE}", finger="left") as watched:
         assert watched.image() is None and watched.clock == "device" and watched.rest_kind == "unloaded"
         first = next(watched)
@@ -179,6 +200,8 @@ def test_image_table_and_overlay(tmp_path):
         image = watched.image()
         assert np.array_equal(image[:, :, ::-1], watched.image(order="RGB"))
         assert slipbound.overlay(image, first).shape[2] == 3
+        *_, last = watched
+        assert last.seq == frames[-1].seq and np.array_equal(watched.image(), frames[-1].image())
     pandas = pytest.importorskip("pandas")
     table = slipbound.watch(f"sim:{SCENE}").to_pandas()
     assert isinstance(table, pandas.DataFrame)
