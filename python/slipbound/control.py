@@ -10,6 +10,7 @@ Newtons are normal force per finger. None of the methods may block for longer th
 
 from __future__ import annotations
 
+import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -214,9 +215,18 @@ class ControlLoop:
         Whatever ends it, Ctrl-C too, the wrist stands and the gripper keeps its force.
         """
         try:
-            while True:
+            cycle = self.cycle(clock())
+            while not (cycle.has_ended or cycle.outcome == "source_ended"):
                 cycle = self.cycle(clock())
-                if cycle.has_ended or cycle.outcome == "source_ended":
-                    return cycle
-        finally:
-            self._loop.leave(self._gripper, self._wrist)
+        except BaseException as error:
+            try:
+                self._loop.leave(self._gripper, self._wrist)
+            except Exception as leaving:
+                # The exception that ended the loop is the cause: it reaches the caller.
+                if sys.version_info >= (3, 11):
+                    error.add_note(f"pausing the wrist failed, too: {leaving!r}")
+                else:
+                    leaving.__context__, error.__context__ = error.__context__, leaving
+            raise
+        self._loop.leave(self._gripper, self._wrist)
+        return cycle

@@ -174,6 +174,19 @@ def test_an_exception_pauses_the_wrist_keeps_the_force_and_surfaces(still, senso
     assert not before or gripper.told[-1] >= before[-1]
 
 
+def test_the_exception_that_ended_a_run_reaches_the_caller_also_where_the_wrist_cannot_be_paused(still, sensor):
+    class Stuck(Arm):
+        def command(self, command: WristCommand) -> None:
+            raise RuntimeError("the arm is gone, too")
+
+    wrist = Stuck()
+    control, *_ = loop(still, sensor, source=Recorded(still, 3, OSError("no camera")), wrist=wrist)
+    with pytest.raises(OSError, match="no camera") as raised:
+        control.run(iter(range(0, 10**12, FRAME_NS)).__next__)
+    notes = getattr(raised.value, "__notes__", [repr(raised.value.__context__)])
+    assert any("the arm is gone, too" in note for note in notes), notes
+
+
 def test_a_fault_that_a_gripper_reports_is_waited_for(still, sensor):
     gripper = Jaws(30, slipbound.GripperError("my gripper: no link", "link"))
     control, _, wrist = loop(still, sensor, gripper=gripper)
