@@ -1,10 +1,10 @@
 //! The control loop, and simulated hands around it, driven from Python cycle by cycle.
 
 use crate::cycle::Cycle;
-use crate::errors::{config as config_error, data, exclusive, guarded, setting};
+use crate::errors::{config as config_error, data, exclusive, guarded, internal, setting};
 use crate::monitor::rest_given;
 use crate::picture::byte_order;
-use crate::ports::{Held, PythonController, PythonGripper, PythonObserver, PythonSource, PythonWrist, Raised};
+use crate::ports::{Held, NoFrame, PythonController, PythonGripper, PythonObserver, PythonSource, PythonWrist, Raised};
 use crate::sensor::{Sensor, sensor_of, settings_of};
 use pyo3::gc::{PyTraverseError, PyVisit};
 use pyo3::prelude::*;
@@ -75,6 +75,16 @@ impl PyTaskSettings {
         guarded(|| config::parse_task_settings(text, "settings").map(PyTaskSettings).map_err(config_error))
     }
 
+    /// The text of a task settings file with every setting in it.
+    fn to_toml(&self) -> PyResult<String> {
+        config::task_settings_to_toml(&self.0).map_err(internal)
+    }
+
+    /// Pickle stores the text, so that other processes can have it.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
+        Ok((py.get_type::<PyTaskSettings>().getattr("from_toml")?, (self.to_toml()?,)))
+    }
+
     /// All settings, with the names of the file as keys.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         data(py, &self.0)
@@ -85,6 +95,17 @@ impl PyTaskSettings {
             "<slipbound.control.TaskSettings default>"
         } else {
             "<slipbound.control.TaskSettings>"
+        }
+    }
+}
+
+#[pymethods]
+impl NoFrame {
+    /// Its name: a copy is the same object, and pickle stores where to find it.
+    fn __reduce__(&self) -> &'static str {
+        match self {
+            NoFrame::Silent => "NoFrame.SILENT",
+            NoFrame::Torn => "NoFrame.TORN",
         }
     }
 }
@@ -112,7 +133,7 @@ fn finished<E: std::fmt::Display>(
         return Err(error);
     }
     outcome.map_err(|error| ControlError::new_err(error.to_string()))?;
-    newest.ok_or_else(|| crate::errors::internal("a cycle that nobody was shown"))
+    newest.ok_or_else(|| internal("a cycle that nobody was shown"))
 }
 
 /// Refuses a hand whose fingers are all on one side: it cannot hold anything.

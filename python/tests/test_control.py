@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import gc
+import pickle
 import re
 import weakref
 from pathlib import Path
@@ -293,6 +295,11 @@ class Gapped(Recorded):
         return self.gaps[self.calls] if self.calls in self.gaps else super().next()
 
 
+def test_what_a_source_returns_instead_of_a_frame_goes_to_other_processes():
+    for thing in (SILENT, TORN):
+        assert pickle.loads(pickle.dumps(thing)) is thing is copy.deepcopy(thing)
+
+
 @pytest.mark.parametrize(("gap", "reports"), [(SILENT, False), (TORN, True)], ids=["silent", "torn"])
 def test_a_source_that_gives_no_frame_does_not_end_the_loop(still, sensor, gap, reports):
     control, gripper, _ = loop(still, sensor, source=Gapped(still, {32: gap, 33: gap}))
@@ -350,6 +357,9 @@ def test_settings_of_a_task_as_text_object_and_file(still, sensor, tmp_path):
     file.write_text(text)
     settings = TaskSettings.from_toml(text)
     assert settings == TaskSettings(file) != TaskSettings() and settings.to_dict()["grip"]["start_n"] == 17.0
+    for thing in (settings, TaskSettings()):
+        assert TaskSettings.from_toml(thing.to_toml()) == thing == copy.deepcopy(thing)
+        assert pickle.loads(pickle.dumps(thing)) == thing
     for given in (text, settings, file, str(file)):
         control, gripper, _ = loop(still, sensor, settings=given)
         run(control, 30)

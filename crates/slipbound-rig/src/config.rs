@@ -12,7 +12,9 @@ use std::path::Path;
 
 pub use error::Error;
 pub(crate) use layer::{Layer, file_of_key, read_most, read_most_bytes, typed};
-pub use settings::{load_settings, load_task_settings, parse_settings, parse_task_settings, settings_to_toml};
+pub use settings::{
+    load_settings, load_task_settings, parse_settings, parse_task_settings, settings_to_toml, task_settings_to_toml,
+};
 
 /// Loads another program's own TOML settings, with the same error messages.
 pub fn load<T: DeserializeOwned>(path: &Path) -> Result<T, Error> {

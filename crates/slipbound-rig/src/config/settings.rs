@@ -40,6 +40,11 @@ pub fn parse_task_settings(text: &str, what: &str) -> Result<TaskSettings, Error
     task_settings(Layer::parse(what.to_owned(), text)?)
 }
 
+/// The text of a task settings file with every setting in it.
+pub fn task_settings_to_toml(settings: &TaskSettings) -> Result<String, toml::ser::Error> {
+    toml::to_string(settings)
+}
+
 /// All settings of a task: the defaults, overridden by the keys of a TOML file if there is one.
 pub fn load_task_settings(file: Option<&Path>) -> Result<TaskSettings, Error> {
     let Some(path) = file else { return Ok(TaskSettings::default()) };
