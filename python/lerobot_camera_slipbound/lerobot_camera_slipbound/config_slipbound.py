@@ -12,6 +12,9 @@ from lerobot.cameras.configs import CameraConfig
 class SlipboundCameraConfig(CameraConfig):
     """A finger behind another LeRobot camera, or a recording.
 
+    ``width``, ``height`` and ``fps``, which LeRobot wants of the cameras of a robot, are those of ``camera`` unless they
+    are given; with ``source`` they have to be given.
+
     Attributes
     ----------
     camera : CameraConfig or None
@@ -40,3 +43,6 @@ class SlipboundCameraConfig(CameraConfig):
             raise ValueError("sensor: expected a built-in name or FILE.toml with a camera, got none")
         if self.picture not in ("tactile", "field"):
             raise ValueError(f"picture: expected 'tactile' or 'field', got {self.picture!r}")
+        for name in ("width", "height", "fps"):
+            if self.camera is not None and getattr(self, name) is None:
+                setattr(self, name, getattr(self.camera, name))

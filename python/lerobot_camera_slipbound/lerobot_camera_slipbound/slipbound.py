@@ -23,7 +23,7 @@ _WARMUP_WINDOWS = 5
 
 
 class SlipboundCamera(Camera):
-    """A finger as LeRobot sees a camera. ``features`` are the numbers of the newest frame, to be put beside it.
+    """A finger as LeRobot sees a camera. ``features`` are the numbers of the picture read last, to be put beside it.
 
     Parameters
     ----------
@@ -39,8 +39,8 @@ class SlipboundCamera(Camera):
         self._monitor: slipbound.Monitor | None = None
         self._sensor: slipbound.Sensor | None = None
         self._report: slipbound.Report | None = None
+        self._image: NDArray[Any] | None = None
         self._picture: NDArray[np.uint8] | None = None
-        self._read_s = 0.0
 
     @property
     def is_connected(self) -> bool:
@@ -103,20 +103,21 @@ class SlipboundCamera(Camera):
 
     def read(self) -> NDArray[Any]:
         """Return the next picture, RGB, uint8, H x W x 3."""
-        return self._take(None)
+        self._check()
+        return self._show(self._next_of_recording() if self._camera is None else self._camera.read())
 
     def async_read(self, timeout_ms: float = 200) -> NDArray[Any]:
         """Return the next picture; a camera is waited for at most ``timeout_ms``."""
-        return self._take(timeout_ms)
+        self._check()
+        return self._show(self._next_of_recording() if self._camera is None else self._camera.async_read(timeout_ms))
 
     def read_latest(self, max_age_ms: int = 500) -> NDArray[Any]:
-        """Return the newest picture again."""
+        """Return the newest picture of the camera, at most ``max_age_ms`` old; of a recording the next one.
+
+        What a robot calls for each of its observations. A frame is judged once, however often it is read.
+        """
         self._check()
-        if self._picture is None:
-            raise RuntimeError("no frame was read yet")
-        if (time.monotonic() - self._read_s) * 1e3 > max_age_ms:
-            raise TimeoutError(f"the newest frame is older than {max_age_ms} ms")
-        return self._picture
+        return self._show(self._next_of_recording() if self._camera is None else self._camera.read_latest(max_age_ms))
 
     def disconnect(self) -> None:
         """Close it."""
@@ -126,6 +127,7 @@ class SlipboundCamera(Camera):
     def _close(self) -> None:
         camera, watch = self._camera, self._watch
         self._camera = self._watch = self._monitor = self._sensor = None
+        self._image = self._picture = None
         try:
             if camera is not None and camera.is_connected:
                 camera.disconnect()
@@ -135,7 +137,7 @@ class SlipboundCamera(Camera):
 
     @property
     def features(self) -> dict[str, float]:
-        """Numbers of the newest frame: place of the verdict in STATES, margin, shear of the gel in px and rad.
+        """Numbers of the picture read last: place of the verdict in STATES, margin, shear of the gel in px and rad.
 
         A margin that is not known is NaN, and ``margin_known`` is 0 with it: it must not read as a safe one.
         """
@@ -157,16 +159,15 @@ class SlipboundCamera(Camera):
         if not self.is_connected:
             raise ConnectionError("SlipboundCamera is not connected")
 
-    def _take(self, timeout_ms: float | None) -> NDArray[Any]:
-        self._check()
-        if self._camera is not None and self._monitor is not None:
-            image = self._camera.read() if timeout_ms is None else self._camera.async_read(timeout_ms)
+    def _show(self, image: NDArray[Any]) -> NDArray[Any]:
+        # LeRobot's cameras give the same array again until there is a newer one.
+        if image is self._image and self._picture is not None:
+            return self._picture
+        if self._monitor is not None:
             self._report = self._monitor.step(image, time_ns=time.monotonic_ns())
-        else:
-            image = self._next_of_recording()
+        self._image = image
         self._picture = image if self.config.picture == "tactile" else self._field(image)
         self.height, self.width = self._picture.shape[:2]
-        self._read_s = time.monotonic()
         return self._picture
 
     def _next_of_recording(self) -> NDArray[Any]:

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
+import runpy
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -50,7 +54,7 @@ def test_it_gives_pictures_and_numbers_until_it_is_disconnected():
             assert math.isnan(features["margin"]) == (features["margin_known"] == 0)
             unknown += features["margin_known"] == 0
         assert {"no_contact", "incipient"} <= states and 0 < unknown < 45
-        assert camera.read_latest() is image
+        assert not np.array_equal(camera.read_latest(), image), "the recording goes on"
     assert not camera.is_connected
 
 
@@ -137,6 +141,27 @@ def test_the_field_of_frames_of_another_size_is_the_same_picture(monkeypatch, tm
     assert np.abs(np.subtract(*slipping)).max() < 0.05, slipping
 
 
+class _Newest(_Replay):
+    """A camera whose newest picture is read twice."""
+
+    reads_count = 0
+
+    def read_latest(self, max_age_ms=500):
+        self.reads_count += 1
+        if self.reads_count % 2:
+            self.newest = self.read()
+        return self.newest
+
+
+def test_who_only_reads_the_latest_gets_new_pictures_and_each_is_judged_once(monkeypatch, tmp_path):
+    with _behind(monkeypatch, tmp_path, _Newest) as camera:
+        reads = [(camera.read_latest(), camera.features, camera._report.frame) for _ in range(40)]
+    frames = [frame for *_, frame in reads]
+    assert frames[::2] == frames[1::2] == list(range(frames[0], frames[0] + 20))
+    assert all(first[0] is second[0] for first, second in zip(reads[::2], reads[1::2], strict=True))
+    assert STATES[int(reads[-1][1]["state"])] not in ("no_contact", "unjudged"), "it has touched something"
+
+
 class _Dark(_Replay):
     """A camera without light."""
 
@@ -159,6 +184,32 @@ def test_a_dark_finger_ends_connect_and_leaves_nothing_open(monkeypatch, tmp_pat
         with pytest.raises(slipbound.RestError, match="at rest within 100 frames, got none: .*dark"):
             camera.connect()
         assert not camera.is_connected and not _Dark.all[-1].is_connected
+
+
+def test_the_configs_of_the_readme_are_accepted_in_a_robot():
+    import lerobot
+    import yaml
+
+    # By its path: the package around it loads the drivers of all robots.
+    robot_config = runpy.run_path(str(Path(lerobot.__path__[0]) / "robots" / "config.py"))["RobotConfig"]
+
+    @dataclass(kw_only=True)
+    class Robot(robot_config):
+        cameras: dict[str, CameraConfig]
+
+    @dataclass(kw_only=True)
+    class Inner(CameraConfig):
+        index_or_path: int
+
+    readme = (Path(__file__).parents[1] / "README.md").read_text()
+    configs = yaml.safe_load(re.search(r"```yaml\n(.*?)```", readme, re.DOTALL)[1])["cameras"]
+    for options in configs.values():
+        assert options.pop("type") == "slipbound"
+        inner = options.pop("camera", None)
+        assert inner is None or inner.pop("type") == "opencv"
+        config = SlipboundCameraConfig(camera=inner and Inner(**inner), **options)
+        Robot(cameras={"finger": config})
+        assert (config.width, config.height, config.fps) == (640, 480, 30)
 
 
 def test_configs_that_cannot_be():
