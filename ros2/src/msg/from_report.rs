@@ -112,7 +112,7 @@ impl SlipReport {
             },
             markers: Markers { detected, matched, lost, inner },
             reference_seq: report.reference_seq,
-            grip_n: number(report.grip_n),
+            grip_n: number(report.grip_n.filter(|n| *n > 0.0)),
             motion: report.motion.into(),
             shear: report.shear.into(),
             slip: report.slip.into(),
