@@ -68,7 +68,7 @@ impl ScrewSettings {
         within("screw.most_rad", self.most_rad, 0.01, 100.0)?;
         within("screw.flat_window_rad", self.flat_window_rad, 0.01, self.most_rad.min(1.0))?;
         within("screw.flat_fraction", self.flat_fraction, 0.0, 0.5)?;
-        self.slide.check(self.most_rad)
+        self.slide.check("screw", self.most_rad)
     }
 }
 

@@ -31,11 +31,12 @@ impl Default for SlideSettings {
 }
 
 impl SlideSettings {
-    /// `most_rad` is the maximum turn: a window beyond it could never fill.
-    pub(super) fn check(&self, most_rad: f64) -> Result<(), SettingError> {
-        within("slide.window_rad", self.window_rad, 0.01, most_rad.min(1.0))?;
-        within("slide.flat_fraction", self.flat_fraction, 0.0, 0.5)?;
-        within("slide.least_mu", self.least_mu, 0.01, 2.0)
+    /// `table` is the settings table that this one is part of: `screw` or `unscrew`; `most_rad` the maximum turn: a window
+    /// beyond it could never fill.
+    pub(super) fn check(&self, table: &str, most_rad: f64) -> Result<(), SettingError> {
+        within(&format!("{table}.slide.window_rad"), self.window_rad, 0.01, most_rad.min(1.0))?;
+        within(&format!("{table}.slide.flat_fraction"), self.flat_fraction, 0.0, 0.5)?;
+        within(&format!("{table}.slide.least_mu"), self.least_mu, 0.01, 2.0)
     }
 }
 

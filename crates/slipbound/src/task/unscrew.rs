@@ -59,7 +59,7 @@ impl UnscrewSettings {
         within("unscrew.open_rad", self.open_rad, 0.01, self.most_rad.min(10.0))?;
         within("unscrew.least_peak_mm", self.least_peak_mm, 0.0, 10.0)?;
         within("unscrew.stuck_rad", self.stuck_rad, 0.01, self.most_rad.min(10.0))?;
-        self.slide.check(self.most_rad)
+        self.slide.check("unscrew", self.most_rad)
     }
 }
 

@@ -75,10 +75,12 @@ fn a_moment_without_sight_during_the_grasp_raises_the_force_to_the_blind_force_a
 }
 
 #[test]
-fn windows_that_can_never_fill_are_refused() {
+fn a_window_that_can_never_fill_is_refused_by_its_full_key() {
     for (change, key) in [
         ((|s| s.screw.flat_window_rad = 0.6) as fn(&mut TaskSettings), "screw.flat_window_rad"),
-        (|s| s.screw.slide.window_rad = 0.6, "slide.window_rad"),
+        (|s| s.screw.slide.window_rad = 0.6, "screw.slide.window_rad"),
+        (|s| s.unscrew.slide.window_rad = 0.6, "unscrew.slide.window_rad"),
+        (|s| s.unscrew.slide.flat_fraction = 9.0, "unscrew.slide.flat_fraction"),
         (|s| s.unscrew.open_rad = 0.6, "unscrew.open_rad"),
         (|s| s.unscrew.stuck_rad = 0.6, "unscrew.stuck_rad"),
     ] {
