@@ -250,7 +250,7 @@ mod tests {
             ("name = \"right\"", "name = \"left\"", ["fingers[1].name", "a name of its own", "`left`"]),
             ("y = \"-x\"", "y = \"-y\"", ["fingers[1].mounting", "different axes", "got `{ x = \"+y\", y = \"-y\" }`"]),
             ("y = \"-y\"", "y = \"+y\"", ["fingers[0].mounting", "not mirrored", "got `{ x = \"+x\", y = \"+y\" }`"]),
-            ("y = \"-x\"", "y = \"up\"", ["hand.toml: fingers[1].mounting.y", "up", "`+x`"]),
+            ("y = \"-x\"", "y = \"up\"", ["hand.toml: fingers[1].mounting.y", "`+x`", "got `up`"]),
             ("name = \"right\"", "name = \"Left\"", ["fingers[1].name", "a name of its own", "`Left`"]),
             ("name = \"left\"", "name = \"../x\"", ["fingers[0].name", "1 to 64 of A-Z a-z 0-9 _ -", "`../x`"]),
             ("name = \"left\"", "name = \"\"", ["fingers[0].name", "1 to 64 of A-Z a-z 0-9 _ -", "``"]),
@@ -259,7 +259,7 @@ mod tests {
                 "side = \"left\"\nsensor = \"gelslim\"",
                 ["fingers[1].side", "fingers on both sides", "`left` for all 2"],
             ),
-            ("side = \"right\"", "side = \"top\"", ["fingers[1].side", "top", "`left`"]),
+            ("side = \"right\"", "side = \"top\"", ["fingers[1].side: expected `left` or `right`, got `top`", "", ""]),
             ("side = \"right\"", "sides = \"right\"", ["hand.toml", "`fingers[1].sides`", "did you mean `side`?"]),
             ("\"a.toml\"", "\"b.toml\"", ["b.toml", "cannot read", ""]),
         ] {

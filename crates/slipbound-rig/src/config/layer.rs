@@ -3,6 +3,7 @@
 
 use super::error::Error;
 use serde::de::DeserializeOwned;
+use serde_path_to_error::Segment;
 use slipbound::setting::nearest;
 use std::fs::{File, Metadata};
 use std::io::{self, Read};
@@ -73,9 +74,10 @@ fn without_path(error: Error) -> io::Error {
 
 /// A typed value from merged layers; an error names the first layer that holds the key.
 pub(crate) fn typed<T: DeserializeOwned>(merged: Table, layers: &[Layer]) -> Result<T, Error> {
-    serde_path_to_error::deserialize(Value::Table(merged)).map_err(|e| {
+    let all = Value::Table(merged);
+    serde_path_to_error::deserialize(all.clone()).map_err(|e| {
         let path = e.path().to_string();
-        let problem = in_words(&e.inner().to_string());
+        let problem = e.inner().to_string();
         let mut quoted = problem.split('`').skip(1).step_by(2).map(str::to_owned);
         if problem.starts_with("unknown field") {
             let unknown = quoted.next().unwrap_or_default();
@@ -89,35 +91,58 @@ pub(crate) fn typed<T: DeserializeOwned>(merged: Table, layers: &[Layer]) -> Res
             let nearest = nearest(&unknown, &names).map(str::to_owned);
             return Error::UnknownKey { file: file_of_key(layers, &key), key, nearest, expected };
         }
-        let key = match (problem.strip_prefix("missing field"), path.as_str()) {
-            (Some(_), ".") => quoted.next().unwrap_or_default(),
-            _ => path,
+        let (key, problem) = match (problem.starts_with("missing field"), path.as_str()) {
+            (true, ".") => (quoted.next().unwrap_or_default(), MISSING.to_owned()),
+            (true, table) => (format!("{table}.{}", quoted.next().unwrap_or_default()), MISSING.to_owned()),
+            (false, _) => (path, expected_and_got(&problem, value_at(&all, e.path()))),
         };
         Error::Value { file: file_of_key(layers, &key), key, problem }
     })
 }
 
-/// The parser's message, without its second line (the key, which we name ourselves) and without Rust type names.
-fn in_words(problem: &str) -> String {
+/// What is wrong with a key that is missing.
+const MISSING: &str = "expected a value, got none";
+
+/// The value at a path.
+fn value_at<'a>(all: &'a Value, path: &serde_path_to_error::Path) -> Option<&'a Value> {
+    path.iter().try_fold(all, |value, segment| match segment {
+        Segment::Map { key } => value.get(key),
+        Segment::Seq { index } => value.get(*index),
+        Segment::Enum { .. } | Segment::Unknown => None,
+    })
+}
+
+/// The parser's message as `expected X, got Y`, in the terms of TOML; one that expects nothing as it is. Its second line
+/// is the key, which we name ourselves.
+fn expected_and_got(problem: &str, value: Option<&Value>) -> String {
     let first = problem.lines().next().unwrap_or_default();
-    let Some((said, kind)) = first.rsplit_once("expected ") else {
-        return first.to_owned();
+    let (said, kind) = match first.rsplit_once("expected ") {
+        Some(parts) => parts,
+        // A table in place of a name.
+        None if first.starts_with("wanted exactly 1 element") => ("", "string only"),
+        None => return first.to_owned(),
     };
-    // Of a name that is no text, the parser does not tell what it is.
-    if kind == "string only" {
-        return "expected a string".to_owned();
-    }
-    let said = said.replace("type: map", "type: table").replace("type: sequence", "type: array");
     let kind = match kind {
         "f64" => "a number",
         "u8" => "a whole number from 0 to 255",
         "u16" => "a whole number from 0 to 65535",
-        "u32" | "u64" | "usize" => "a whole number, not below 0",
+        "u32" | "u64" | "usize" => "a whole number not below 0",
+        "string only" => "a string",
         "a sequence" => "an array",
+        "a map" => "a table",
+        "fewer elements in array" => "a shorter array",
         _ if kind.starts_with("struct ") => "a table",
         other => other,
     };
-    format!("{said}expected {kind}")
+    let got = match value {
+        Some(Value::String(name)) if said.starts_with("unknown variant") => format!("`{name}`"),
+        Some(Value::String(text)) => format!("{text:?}"),
+        Some(Value::Table(_)) => "a table".to_owned(),
+        Some(Value::Array(values)) => format!("an array of length {}", values.len()),
+        Some(other) => other.to_string(),
+        None => return format!("expected {kind}"),
+    };
+    format!("expected {kind}, got {got}")
 }
 
 /// The file whose value of a dotted key counts: the first of those that hold most of its parts. A remark after the key,

@@ -313,19 +313,38 @@ mod tests {
         for (text, parts) in [
             ("extends = \"gelslim\"\npich_px = 15\n", ["mine.toml", "`pich_px`", "did you mean `pitch_px`?"]),
             ("extends = \"gelslim\"\npitch_px = -3\n", ["mine.toml: pitch_px", "a number from", "got -3"]),
-            ("extends = \"gelslim\"\npitch_px = \"15\"\n", ["mine.toml: pitch_px", "\"15\"", "expected a number"]),
-            ("extends = \"gelslim\"\nskin = \"silk\"\n", ["mine.toml: skin", "silk", "`fabric`"]),
+            (
+                "extends = \"gelslim\"\npitch_px = \"15\"\n",
+                ["mine.toml: pitch_px: expected a number, got \"15\"", "", ""],
+            ),
+            (
+                "extends = \"gelslim\"\nskin = \"silk\"\n",
+                ["mine.toml: skin: expected `fabric` or `smooth`, got `silk`", "", ""],
+            ),
             ("extends = \"gelslim\"\n[rectification]\ncrop = 1\n", ["mine.toml", "`rectification.crop`", "crop_px"]),
-            ("extends = \"gelslim\"\nskin = 3\n", ["mine.toml: skin: expected a string", "", ""]),
-            ("extends = \"gelslim\"\nshear = 3\n", ["mine.toml: shear", "integer `3`", "expected a table"]),
+            ("extends = \"gelslim\"\nskin = 3\n", ["mine.toml: skin: expected a string, got 3", "", ""]),
+            ("extends = \"gelslim\"\nshear = 3\n", ["mine.toml: shear: expected a table, got 3", "", ""]),
             (
                 "extends = \"gelslim\"\nedge_bands = { low_levels = 3 }\n",
-                ["mine.toml: edge_bands", "type: table", "expected an array"],
+                ["mine.toml: edge_bands: expected an array, got a table", "", ""],
             ),
             (
                 "extends = \"gelslim\"\nedge_bands = [{ low_levels = 70000, high_levels = 9, rows_to_fraction = 1 }]\n",
-                ["mine.toml: edge_bands[0].low_levels", "`70000`", "expected a whole number from 0 to 65535"],
+                ["mine.toml: edge_bands[0].low_levels: expected a whole number from 0 to 65535, got 70000", "", ""],
             ),
+            (
+                "extends = \"gelslim\"\nedge_bands = [{ low_levels = 7, rows_to_fraction = 1 }]\n",
+                ["mine.toml: edge_bands[0].high_levels: expected a value, got none", "", ""],
+            ),
+            (
+                "extends = \"gelslim\"\nimage_px = [320]\n",
+                ["mine.toml: image_px: expected an array of length 2, got an array of length 1", "", ""],
+            ),
+            (
+                "extends = \"gelslim\"\nimage_px = [320, 240, 3]\n",
+                ["mine.toml: image_px: expected a shorter array, got an array of length 3", "", ""],
+            ),
+            ("extends = \"gelslim\"\nskin = {}\n", ["mine.toml: skin: expected a string, got a table", "", ""]),
             ("extends = \"heavy.toml\"\n", ["heavy.toml: grey_weights_rgb (sum)", "a number from", "got 3"]),
             (
                 "extends = \"flat.toml\"\n[rectification]\ncrop_px = [60, 0, 360, 320]\n",
@@ -342,7 +361,7 @@ mod tests {
             ("extends = \"other.toml\"\n", ["mine.toml: extends: ", "other.toml", "cannot read"]),
             ("extends = \"circle.toml\"\n", ["circle.toml", "lead back", "mine.toml"]),
             ("extends = 3\n", ["mine.toml: extends", "expected the name", "got 3"]),
-            ("name = \"x\"\n", ["mine.toml: image_px", "missing field", ""]),
+            ("name = \"x\"\n", ["mine.toml: image_px: expected a value, got none", "", ""]),
             ("name = x\n", ["mine.toml", "line 1", ""]),
         ] {
             let message = load_file(text).expect_err("refused").to_string();

@@ -101,9 +101,11 @@ mod tests {
             ("[banana]\n", ["mine.toml", "`banana`", "expected one of rest, imprint"]),
             (
                 "[rest]\nwindow_count = \"many\"\n",
-                ["mine.toml: rest.window_count", "\"many\"", "expected a whole number"],
+                ["mine.toml: rest.window_count: expected a whole number not below 0, got \"many\"", "", ""],
             ),
-            ("[rest]\nwindow_count = -7\n", ["mine.toml: rest.window_count", "-7", "expected a whole number"]),
+            ("[rest]\nwindow_count = -7\n", ["mine.toml: rest.window_count", "expected a whole number", "got -7"]),
+            ("[rest]\nwindow_count = 2.5\n", ["mine.toml: rest.window_count", "expected a whole number", "got 2.5"]),
+            ("[slip]\nrule = \"mark\"\n", ["mine.toml: slip.rule: expected `margin` or `markers`, got `mark`", "", ""]),
             ("[rest]\nwindow_count = 0\n", ["mine.toml: rest.window_count", "a number from 1", "got 0"]),
             (
                 "[evidence.relaxation]\nheld = 1\nslid = 0.5\n",
