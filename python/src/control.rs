@@ -4,7 +4,9 @@ use crate::cycle::Cycle;
 use crate::errors::{config as config_error, data, exclusive, guarded, internal, setting};
 use crate::monitor::rest_given;
 use crate::picture::byte_order;
-use crate::ports::{Held, NoFrame, PythonController, PythonGripper, PythonObserver, PythonSource, PythonWrist, Raised};
+use crate::ports::{
+    FirstException, NoFrame, PythonController, PythonGripper, PythonObserver, PythonSource, PythonWrist, SharedObject,
+};
 use crate::sensor::{Sensor, sensor_of, settings_of};
 use pyo3::gc::{PyTraverseError, PyVisit};
 use pyo3::prelude::*;
@@ -30,8 +32,8 @@ fn task_of(
     controller: &Bound<'_, PyAny>,
     mut settings: TaskSettings,
     sensors: &[&CoreSensor],
-    raised: &Raised,
-    held: &mut Vec<Held>,
+    raised: &FirstException,
+    held: &mut Vec<SharedObject>,
 ) -> PyResult<Box<dyn Task + Send>> {
     let stiffness_mpa_per_mm = sensors.first().and_then(|sensor| sensor.shear_stiffness_mpa_per_mm());
     let name = controller.extract::<&str>().ok();
@@ -43,7 +45,7 @@ fn task_of(
     }
     sensors.iter().try_for_each(|sensor| settings.check_finger(kind, sensor)).map_err(setting)?;
     let task = if is_own {
-        let object = Held::new(controller.clone().unbind());
+        let object = SharedObject::new(controller.clone().unbind());
         held.push(object.clone());
         let controller = Box::new(PythonController::new(object, raised.clone()));
         settings.check().map_err(setting)?;
@@ -125,7 +127,7 @@ fn task_settings(argument: Option<&Bound<'_, PyAny>>) -> PyResult<TaskSettings> 
 
 /// A cycle that has been made, or the reason why the loop was left.
 fn finished<E: std::fmt::Display>(
-    raised: &Raised,
+    raised: &FirstException,
     outcome: Result<CycleOutcome, E>,
     newest: Option<Cycle>,
 ) -> PyResult<Cycle> {
@@ -151,9 +153,9 @@ fn check_sides(sides: &[Side]) -> Result<(), BadSetting> {
 /// The control loop around sources, gripper and wrist written in Python. See `slipbound.control.ControlLoop`.
 #[pyclass(frozen, module = "slipbound.control")]
 pub struct Loop {
-    raised: Raised,
+    raised: FirstException,
     /// Objects that the sources and the controller of `control` call.
-    held: Vec<Held>,
+    held: Vec<SharedObject>,
     control: Mutex<Running>,
 }
 
@@ -189,7 +191,7 @@ impl Loop {
         settings: Option<&Bound<'_, PyAny>>,
         order: &str,
     ) -> PyResult<Self> {
-        let (raised, mut held) = (Raised::default(), Vec::new());
+        let (raised, mut held) = (FirstException::default(), Vec::new());
         let order = byte_order(order)?;
         let (mut pipelines, mut sides): (Vec<FingerPipeline>, Vec<Side>) = (Vec::new(), Vec::new());
         for finger in fingers {
@@ -203,7 +205,7 @@ impl Loop {
             let sensor = sensor_of(&finger.sensor)?;
             let monitor = settings_of(finger.settings.as_ref())?;
             let rest = rest_given(py, &rest, order, &sensor, &monitor)?;
-            let object = Held::new(object);
+            let object = SharedObject::new(object);
             held.push(object.clone());
             let source = Box::new(PythonSource { object, order, raised: raised.clone(), frames_count: 0 });
             let (sensor, monitor) = ((*sensor).clone(), (*monitor).clone());
@@ -269,7 +271,7 @@ impl Loop {
     fn leave(&self, py: Python<'_>, gripper: Py<PyAny>, wrist: Py<PyAny>) -> PyResult<()> {
         let mut running = exclusive(&self.control, "control loop")?;
         let control = &mut running.control;
-        let raised = Raised::default();
+        let raised = FirstException::default();
         let mut gripper = PythonGripper { object: gripper, raised: raised.clone() };
         let mut wrist = PythonWrist { object: wrist, raised: raised.clone() };
         py.detach(|| {
@@ -286,7 +288,7 @@ impl Loop {
     }
 
     fn __clear__(&self) {
-        self.held.iter().for_each(Held::clear);
+        self.held.iter().for_each(SharedObject::clear);
     }
 }
 
@@ -295,9 +297,9 @@ impl Loop {
 pub struct HandRun {
     scene: HandScene,
     task: TaskKind,
-    raised: Raised,
+    raised: FirstException,
     /// The object that the controller of `run` calls.
-    held: Vec<Held>,
+    held: Vec<SharedObject>,
     run: Mutex<LockStep>,
 }
 
@@ -318,7 +320,7 @@ impl HandRun {
         let scene = HandScene::parse(&format!("{scene}{separator}{}", joined.join("&"))).map_err(setting)?;
         let task = scene.task();
         let (settings, monitor) = (task_settings(settings)?, settings_of(monitor)?);
-        let (raised, mut held) = (Raised::default(), Vec::new());
+        let (raised, mut held) = (FirstException::default(), Vec::new());
         let hand = py.detach(|| guarded(|| SimHand::new(&scene).map_err(setting)))?;
         let at_work = task_of(task, controller, settings, &[&hand.sensor(0)], &raised, &mut held)?;
         let run = LockStep::around(&scene, hand, at_work, &monitor, None).map_err(setting)?;
@@ -410,6 +412,6 @@ impl HandRun {
     }
 
     fn __clear__(&self) {
-        self.held.iter().for_each(Held::clear);
+        self.held.iter().for_each(SharedObject::clear);
     }
 }

@@ -3,7 +3,7 @@
 use crate::errors::{data, guarded, internal, setting, source as source_error};
 use crate::field::Kept;
 use crate::picture::array;
-use crate::ports::Raised;
+use crate::ports::FirstException;
 use crate::report::Report;
 use pyo3::prelude::*;
 use slipbound::image::ByteOrder;
@@ -19,7 +19,7 @@ use std::sync::Arc;
 struct PythonDetector {
     detector: Py<PyAny>,
     sensor: Option<Arc<Sensor>>,
-    raised: Raised,
+    raised: FirstException,
 }
 
 impl PythonDetector {
@@ -70,7 +70,7 @@ pub fn judge_ramp<'py>(
     trial: (u64, u64),
     beside: Vec<String>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let raised = Raised::default();
+    let raised = FirstException::default();
     let mut python_detector = PythonDetector { detector, sensor: None, raised: raised.clone() };
     let beside: Vec<&str> = beside.iter().map(String::as_str).collect();
     let beside = rivals(&beside).map_err(setting)?;

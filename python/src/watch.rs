@@ -6,7 +6,7 @@ use crate::errors::{
 };
 use crate::field::Kept;
 use crate::picture::{array, byte_order};
-use crate::ports::Raised;
+use crate::ports::FirstException;
 use crate::report::Report;
 use crate::sensor::{Sensor, Settings, sensor_of, settings_of};
 use numpy::PyArrayDyn;
@@ -55,7 +55,7 @@ struct Open {
     /// Of a camera, which is read on a thread of its own.
     arrivals: Option<Arrivals>,
     /// The exception that Ctrl-C raised while the source gave no whole frame.
-    raised: Raised,
+    raised: FirstException,
 }
 
 impl Open {
@@ -69,7 +69,7 @@ impl Open {
 /// A source whose first frames are read: a camera may be silent, or torn, for any time, and Ctrl-C ends that.
 struct Interruptible {
     source: Box<dyn FrameSource + Send>,
-    raised: Raised,
+    raised: FirstException,
 }
 
 impl FrameSource for Interruptible {
@@ -212,7 +212,7 @@ impl Watch {
         finger: String,
     ) -> PyResult<Self> {
         let Opened { source, simulated, arrivals } = open_source(&uri)?;
-        let raised = Raised::default();
+        let raised = FirstException::default();
         let source = Box::new(Interruptible { source, raised: raised.clone() });
         let mut recording = match arrivals.is_some() {
             true => ReadAhead::live(source, &uri, now_ns),
