@@ -31,7 +31,7 @@ pub enum Error {
         why: String,
     },
     /// No finger thread is left to judge images.
-    #[error("expected at least one finger that judges pictures, got none: the threads of all have broken down")]
+    #[error("expected at least one finger that judges images, got none: all finger threads have panicked")]
     FingersBroken,
 }
 

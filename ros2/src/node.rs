@@ -338,7 +338,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_node_whose_fingers_have_all_broken_down_fails() {
+    fn a_node_whose_finger_threads_have_all_panicked_fails() {
         let folder = tempfile::tempdir().expect("a folder");
         let hand =
             "name = \"one\"\n[[fingers]]\nname = \"left\"\nserial = \"A\"\nside = \"left\"\nsensor = \"gelslim\"\n";
@@ -351,6 +351,6 @@ mod tests {
         // The same as when every thread has dropped its end.
         node.events = channel().1;
         let error = node.run(&AtomicBool::new(false)).expect_err("nobody judges");
-        assert!(!error.is_argument() && error.to_string().contains("broken down"), "{error}");
+        assert!(!error.is_argument() && error.to_string().contains("panicked"), "{error}");
     }
 }

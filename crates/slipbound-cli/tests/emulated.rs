@@ -230,7 +230,11 @@ fn work_that_never_began_and_hands_that_end_empty_are_failures() {
     for (name, args, said) in [
         ("blind", &["--set", "longest_s=4", "--fault", "lost@0.8"][..], "the work never began: the fingers are blind"),
         ("empty", &["--emulated", "wsg50", "--gripper-fault", "lose-part@0"], "nothing was found between the fingers"),
-        ("lost", &["--emulated", "wsg50", "--gripper-fault", "lose-part@2500"], "what was held is gone"),
+        (
+            "lost",
+            &["--emulated", "wsg50", "--gripper-fault", "lose-part@2500"],
+            "the gripper reports that the object is lost",
+        ),
     ] {
         let output = demo(&scratch.path().join(name), &[&["--task", "lift"], args].concat());
         assert_eq!(output.status.code(), Some(1), "{name}: {}", printed(&output));

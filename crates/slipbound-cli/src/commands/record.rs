@@ -100,7 +100,7 @@ impl Record {
                     terminal.say(&format!("{name}: {told}"))?;
                 }
                 Ok(Err(error)) => drop(failed.get_or_insert(error)),
-                Err(_) => return Err(anyhow!("{name}: the thread that reads it has broken down").into()),
+                Err(_) => return Err(anyhow!("{name}: the thread that reads it has panicked").into()),
             }
         }
         // A recording without its end is known to be cut off; the old file stays if nothing was recorded.

@@ -46,7 +46,7 @@ pub enum Error {
         source: Box<mcap::McapError>,
     },
     /// The writing thread has panicked.
-    #[error("{}: the thread that writes it has broken down", path.display())]
+    #[error("{}: the thread that writes it has panicked", path.display())]
     Thread {
         /// The file.
         path: PathBuf,

@@ -131,7 +131,7 @@ pub enum Error {
         address: String,
     },
     /// The driver does not know enough of the gripper yet to command it safely.
-    #[error("{address}: expected {expected}, got no word of it yet; try again in a moment")]
+    #[error("{address}: expected {expected}, got no state yet; try again in a moment")]
     NotReady {
         /// Where.
         address: String,

@@ -139,7 +139,7 @@ struct PanicGuard<'a>(&'a Shared);
 impl Drop for PanicGuard<'_> {
     fn drop(&mut self) {
         if thread::panicking() {
-            let text = "the thread that reads its frames has broken down";
+            let text = "the thread that reads its frames has panicked";
             let mut slot = self.0.lock();
             slot.end = Some(Err(SourceError::new(SourceErrorKind::Other, text)));
             slot.wake();
@@ -263,7 +263,7 @@ mod tests {
         for mut newest in [Newest::new(Box::new(Broken)), Newest::every_frame(Box::new(Broken), 2)] {
             until(|| newest.arrivals().is_waiting());
             let error = newest.next(&mut frame).expect_err("failed").to_string();
-            assert_eq!(error, "the thread that reads its frames has broken down");
+            assert_eq!(error, "the thread that reads its frames has panicked");
         }
     }
 

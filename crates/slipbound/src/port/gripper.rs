@@ -119,7 +119,7 @@ impl fmt::Display for DriverEvent {
             DriverEvent::ForcePath { path } => write!(f, "force is changed by {path}"),
             DriverEvent::FastStop { why } => write!(f, "fast stop latched: {why}"),
             DriverEvent::Acknowledged => write!(f, "fast stop acknowledged: it came from our own lost link"),
-            DriverEvent::Garbled { bytes_count } => write!(f, "{bytes_count} bytes passed over that were no message"),
+            DriverEvent::Garbled { bytes_count } => write!(f, "{bytes_count} bytes skipped: not a valid message"),
             DriverEvent::Dry { command: GripCommand::Hold { force_n } } => {
                 write!(f, "dry: would hold with {force_n} N")
             }

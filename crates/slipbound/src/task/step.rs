@@ -111,13 +111,13 @@ impl Ending {
             Ending::SlipAtMost => "incipient slip at the largest force",
             Ending::Opened => "the torque fell and stayed down while the fingers turned on",
             Ending::Stuck => "at the largest force the fingers slide over the cap",
-            Ending::Placed => "the weight went from the fingers to the ground",
+            Ending::Placed => "the ground carries the object, and it was released",
             Ending::Held => "held to the end of the time",
             Ending::NothingHeld => "nothing was found between the fingers",
-            Ending::Lost => "the gripper says that what was held is gone",
+            Ending::Lost => "the gripper reports that the object is lost",
             Ending::GripStays => "the gripper did not take the looser grip that laying down needs; it holds on",
             Ending::NotReleased => "the ground carries the object, but the gripper did not open when told to",
-            Ending::Limit => "the wrist has gone as far as it may",
+            Ending::Limit => "the wrist reached its limit",
         }
     }
 }
@@ -143,7 +143,7 @@ impl Missing {
     pub const fn in_words(self) -> &'static str {
         match self {
             Missing::Sight => "the fingers are blind",
-            Missing::Hold => "the gripper does not say that it holds something",
+            Missing::Hold => "the gripper does not report that it holds an object",
             Missing::Contact => "the gripper holds something that the fingers do not feel",
             Missing::SteadyGrip => "the grip did not settle",
         }

@@ -42,7 +42,7 @@ pub struct Calibrate {
     /// Whether markers are dark or bright [default: found]
     #[arg(long, value_enum)]
     pub(super) polarity: Option<PolarityArgument>,
-    /// Use frames A up to but not B, all of them untouched [default: those at rest among the first 20]
+    /// Use frames A (inclusive) to B (exclusive), all of them untouched [default: those at rest among the first 20]
     #[arg(long, value_name = "A..B", value_parser = range)]
     pub(super) frames: Option<Range<u64>>,
     /// Measure the shear stiffness: the mass in grams that hangs on the finger at the end of SOURCE
@@ -54,10 +54,10 @@ pub struct Calibrate {
     /// With --weight-g: how many fingers share the mass
     #[arg(long, value_name = "COUNT", default_value_t = 1, requires = "weight_g")]
     pub(super) fingers: u32,
-    /// With --weight-g: the mass is held and still stands in frames A up to but not B [default: the longest part in which nothing moves]
+    /// With --weight-g: the mass is held and still stands in frames A (inclusive) to B (exclusive) [default: the longest part in which nothing moves]
     #[arg(long, value_name = "A..B", value_parser = range, requires = "weight_g")]
     pub(super) held: Option<Range<u64>>,
-    /// With --weight-g: the mass hangs in frames A up to but not B [default: those at the end in which nothing moves]
+    /// With --weight-g: the mass hangs in frames A (inclusive) to B (exclusive) [default: those at the end in which nothing moves]
     #[arg(long, value_name = "A..B", value_parser = range, requires = "weight_g")]
     pub(super) hanging: Option<Range<u64>>,
 }

@@ -20,9 +20,9 @@ pub struct Watch {
     /// scene, SOURCE/sensor.toml, or that in SOURCE.mcap, else by the size of the frames]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(super) sensor: Option<String>,
-    /// The finger at rest: an image or what `slipbound tare` wrote, frames A up to but not B of SOURCE, its first N frames,
-    /// in which nothing may touch it, or `held`: an object is held from the first frame on [default: found among the first
-    /// frames]
+    /// The finger at rest: an image or what `slipbound tare` wrote, frames A (inclusive) to B (exclusive) of SOURCE, its
+    /// first N frames, in which nothing may touch it, or `held`: an object is held from the first frame on [default: found
+    /// among the first frames]
     #[arg(long, value_name = "FILE|A..B|live:N|held", value_parser = RestArgument::parse)]
     pub(super) rest: Option<RestArgument>,
     /// Write a report of one JSON object a line; `-` is standard output

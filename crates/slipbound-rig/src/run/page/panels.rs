@@ -146,7 +146,7 @@ fn lowered(of: Values<'_>) -> Panel {
 fn torque(of: Values<'_>) -> Panel {
     let lines = vec![
         of.truth("carried (truth)", "--c3", Solid, |t| t.torque_n_mm),
-        of.truth("2 mu P R, as of a flat contact (truth)", "--c2", Dashed, |t| t.torque_limit_n_mm),
+        of.truth("2 mu P R, flat contact (truth)", "--c2", Dashed, |t| t.torque_limit_n_mm),
     ];
     let note = "More than 2 mu P R is no error: that is the limit of a flat contact, while the gel wraps around the cap and \
                 presses on it from the sides, too. From 40 N on the gel is also strained beyond its linear range.";
