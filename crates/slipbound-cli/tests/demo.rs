@@ -106,7 +106,7 @@ fn a_hand_that_goes_blind_holds_on_and_stands_still() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_before_anything_moves() {
+fn invalid_options_exit_with_2_and_create_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("settings.toml");
     let run = folder.path().join("run");

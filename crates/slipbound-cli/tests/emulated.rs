@@ -122,7 +122,7 @@ fn a_lower_force_that_is_not_permitted_is_told_once_and_the_task_goes_on() {
 
 /// A Robotiq presses with 20 N and more and does not say how hard; the line protocol says everything.
 #[test]
-fn other_grippers_do_the_tasks_too() {
+fn a_cap_is_unscrewed_through_the_drivers_of_robotiq_and_line_too() {
     let scratch = tempfile::tempdir().expect("a folder");
     for (name, said) in [("robotiq-rtu", "presses with 20 to 235 N per finger"), ("line", "Opened")] {
         let run = scratch.path().join(name);

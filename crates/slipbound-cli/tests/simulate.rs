@@ -93,7 +93,7 @@ fn scenes_and_objects_are_listed() {
 }
 
 #[test]
-fn what_cannot_be_is_a_bad_argument() {
+fn an_invalid_scene_exits_with_2_and_creates_nothing() {
     let dir = tempfile::tempdir().expect("a folder");
     for (arguments, said) in [
         (

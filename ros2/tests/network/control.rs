@@ -257,7 +257,7 @@ fn a_gripper_node_that_vanishes_pauses_the_wrist_and_keeps_the_force() {
 }
 
 #[test]
-fn so_does_one_behind_an_action() {
+fn an_action_gripper_that_vanishes_pauses_the_wrist_and_keeps_the_force() {
     let domain_id = domain_id(7);
     let action = ["--action", "/gripper_controller/gripper_cmd"];
     let nodes = Nodes::start(domain_id, &action);
@@ -277,7 +277,7 @@ fn so_does_one_behind_an_action() {
 }
 
 #[test]
-fn a_gripper_that_nobody_is_says_so() {
+fn a_missing_gripper_node_is_reported() {
     let mut ros = Ros::new("/", "test_nobody", domain_id(5)).expect("joins");
     let mut gripper = TopicGripper::new(&mut ros, "/nobody").expect("topics");
     let told = gripper.command(GripCommand::Hold { force_n: 10.0 }).expect_err("nobody is there");

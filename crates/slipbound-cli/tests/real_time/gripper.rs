@@ -118,7 +118,7 @@ fn the_other_protocols_grasp_too() {
 }
 
 #[test]
-fn what_a_gripper_cannot_do_is_told() {
+fn a_gripper_that_refuses_or_is_silent_exits_with_1_and_its_reason() {
     let emulator = Emulator::new(&["wsg50", "--fail", "refuse-force"]);
     let (code, _, err) = emulator.gripper(WIDE, &["grasp", "30"]);
     assert!(code == Some(1) && err.contains("got status 28, out of range"), "{err}");
@@ -167,7 +167,7 @@ fn a_grasp_of_nothing_is_a_failure() {
 }
 
 #[test]
-fn what_cannot_be_is_a_bad_argument_and_what_is_not_there_a_failure() {
+fn invalid_arguments_exit_with_2_and_an_absent_gripper_with_1() {
     for (arguments, code, said) in [
         (&["gripper", "wsg5://x:1", "status"][..], 2, "got the protocol `wsg5`"),
         (&["gripper", "dry?most=3", "status"], 2, "did you mean `most_n`?"),

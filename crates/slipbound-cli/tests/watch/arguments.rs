@@ -91,7 +91,7 @@ fn arguments_that_cannot_be_exit_with_2() {
 }
 
 #[test]
-fn rest_may_be_named() {
+fn the_rest_that_the_arguments_name_is_used_and_is_in_the_header() {
     let trial = Trial::new(6);
     trial.write("untouched.jpg", &jpeg(0));
     for (rest, frames) in [("2..5", "[2,5]"), ("untouched.jpg", "null")] {

@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_range_or_a_file() {
+    fn rest_is_parsed_as_frames_file_live_count_or_held() {
         assert_eq!(RestArgument::parse("3..9"), Ok(RestArgument::Frames(3..9)));
         assert_eq!(RestArgument::parse("../a.png"), Ok(RestArgument::File("../a.png".into())));
         assert_eq!(RestArgument::parse("../..jpg"), Ok(RestArgument::File("../..jpg".into())));
