@@ -135,10 +135,8 @@ fn compressed() -> ImageType {
 /// `ROS_DOMAIN_ID`, which the file overrides. The error names file, key, expected and got.
 pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
     let file: ConfigFile = config::load(path)?;
-    let refuse = |key: String, expected: String, got: String| {
-        let source = SettingError { key, expected, got };
-        Error::Config(config::Error::OutOfRange { file: path.display().to_string(), source })
-    };
+    let refuse =
+        |source: SettingError| Error::Config(config::Error::OutOfRange { file: path.display().to_string(), source });
     let folder = path.parent().unwrap_or(Path::new(""));
     let HandConfig { fingers: known, .. } = hand::load(&folder.join(&file.hand))?;
     let settings = match file.settings.as_deref() {
@@ -146,79 +144,29 @@ pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
         Some("paper") => Settings::paper(),
         Some(name) => config::load_settings(&folder.join(name).display().to_string())?,
     };
-    let domain = match (file.domain_id, domain_id) {
-        (Some(id), _) => id,
-        // Set to nothing, as by a compose file, it counts as not set.
-        (None, Some(text)) if !text.trim().is_empty() => {
-            let id = text.trim().parse().ok().filter(|id| *id <= DOMAIN_MOST);
-            id.ok_or_else(|| {
-                Error::Setting(SettingError {
-                    key: "ROS_DOMAIN_ID".into(),
-                    expected: format!("a whole number from 0 to {DOMAIN_MOST}"),
-                    got: format!("`{text}`"),
-                })
-            })?
+    let domain_id = match file.domain_id {
+        Some(id) if id > DOMAIN_MOST => {
+            return Err(refuse(wrong("domain_id", format!("at most {DOMAIN_MOST}"), id.to_string())));
         }
-        (None, _) => 0,
+        Some(id) => id,
+        None => domain_of_environment(domain_id)?,
     };
-    if domain > DOMAIN_MOST {
-        return Err(refuse("domain_id".into(), format!("at most {DOMAIN_MOST}"), domain.to_string()));
-    }
     let node = match checked_node(&file.namespace, &file.node) {
-        Ok(node) => node,
+        Ok(node) => node.fully_qualified_name(),
         Err(Error::Name { key, name, why }) => {
             let expected = match key.as_str() {
                 "namespace" => "a namespace that ROS takes, as `/` or `/arm`",
                 _ => "the name of a node that ROS takes",
             };
-            return Err(refuse(key, expected.into(), format!("`{name}`: {why}")));
+            return Err(refuse(wrong(&key, expected, format!("`{name}`: {why}"))));
         }
         Err(e) => return Err(e),
     };
-    // tf2 rejects a name that is empty or begins with a slash.
-    let check_frame = |key: &str, frame: &str| match frame.is_empty() || frame.starts_with('/') {
-        true => {
-            let expected = "the name of a frame, without a slash at its beginning".into();
-            Err(refuse(key.into(), expected, format!("`{frame}`")))
-        }
-        false => Ok(()),
-    };
-    check_frame("hand_frame", &file.hand_frame)?;
-    if let Some(topic) = &file.gripper_state_topic
-        && Name::parse(&full_topic(&node.fully_qualified_name(), topic)).is_err()
-    {
-        return Err(refuse("gripper_state_topic".into(), "the name of a topic".into(), format!("`{topic}`")));
+    check_frame("hand_frame", &file.hand_frame).map_err(refuse)?;
+    if let Some(topic) = &file.gripper_state_topic {
+        check_topic("gripper_state_topic", &full_topic(&node, topic), topic).map_err(refuse)?;
     }
-    let names: Vec<String> = known.iter().map(|finger| format!("`{}`", finger.name)).collect();
-    let hand_fingers = format!("every finger of {} once: {}", file.hand.display(), names.join(", "));
-    for (i, finger) in file.fingers.iter().enumerate() {
-        let is_known = known.iter().any(|other| other.name == finger.name);
-        if !is_known || file.fingers[..i].iter().any(|other| other.name == finger.name) {
-            return Err(refuse(format!("fingers[{i}].name"), hand_fingers, format!("`{}`", finger.name)));
-        }
-        // The names of its topics contain it.
-        if Name::parse(&full_topic(&node.fully_qualified_name(), &format!("{}/report", finger.name))).is_err() {
-            let expected = "a name that ROS takes: letters, digits and _, no digit first".into();
-            return Err(refuse(format!("fingers[{i}].name"), expected, format!("`{}`", finger.name)));
-        }
-        // Two fingers with the same images would always agree.
-        let topic = full_topic(&node.fully_qualified_name(), &finger.image_topic);
-        if Name::parse(&topic).is_err() {
-            let expected = "the name of a topic".into();
-            return Err(refuse(format!("fingers[{i}].image_topic"), expected, format!("`{}`", finger.image_topic)));
-        }
-        let seen = |other: &FingerFile| full_topic(&node.fully_qualified_name(), &other.image_topic) == topic;
-        if let Some(other) = file.fingers[..i].iter().find(|other| seen(other)) {
-            let expected = format!("a topic of its own, other than that of `{}`", other.name);
-            return Err(refuse(format!("fingers[{i}].image_topic"), expected, format!("`{}`", finger.image_topic)));
-        }
-        if let Some(frame) = &finger.wrench_frame {
-            check_frame(&format!("fingers[{i}].wrench_frame"), frame)?;
-        }
-    }
-    if file.fingers.len() < known.len() {
-        return Err(refuse("fingers".into(), hand_fingers, format!("{} fingers", file.fingers.len())));
-    }
+    check_fingers(&file, &known, &node).map_err(refuse)?;
     let fingers = known.into_iter().filter_map(|finger| {
         let topic = file.fingers.iter().find(|other| other.name == finger.name)?;
         let wrench_frame = topic.wrench_frame.clone().unwrap_or_else(|| format!("{}_gel", finger.name));
@@ -228,7 +176,7 @@ pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
         fingers: fingers.collect(),
         node: file.node,
         namespace: file.namespace,
-        domain_id: domain,
+        domain_id,
         service_mapping: file.service_mapping,
         hand_frame: file.hand_frame,
         settings,
@@ -237,6 +185,65 @@ pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
         overlay: file.overlay,
         autostart: file.autostart,
     })
+}
+
+fn wrong(key: &str, expected: impl Into<String>, got: impl Into<String>) -> SettingError {
+    SettingError { key: key.into(), expected: expected.into(), got: got.into() }
+}
+
+/// The domain that `ROS_DOMAIN_ID` names. Set to nothing, as by a compose file, it counts as not set: domain 0.
+fn domain_of_environment(text: Option<&str>) -> Result<u16, Error> {
+    let Some(text) = text.filter(|text| !text.trim().is_empty()) else { return Ok(0) };
+    let id = text.trim().parse().ok().filter(|id| *id <= DOMAIN_MOST);
+    let expected = format!("a whole number from 0 to {DOMAIN_MOST}");
+    id.ok_or_else(|| Error::Setting(wrong("ROS_DOMAIN_ID", expected, format!("`{text}`"))))
+}
+
+/// tf2 rejects a name that is empty or begins with a slash.
+fn check_frame(key: &str, frame: &str) -> Result<(), SettingError> {
+    match frame.is_empty() || frame.starts_with('/') {
+        true => Err(wrong(key, "the name of a frame, without a slash at its beginning", format!("`{frame}`"))),
+        false => Ok(()),
+    }
+}
+
+fn check_topic(key: &str, full: &str, topic: &str) -> Result<(), SettingError> {
+    match Name::parse(full) {
+        Ok(_) => Ok(()),
+        Err(_) => Err(wrong(key, "the name of a topic", format!("`{topic}`"))),
+    }
+}
+
+/// Every finger of the hand once, each with topics that ROS takes, and with images of its own.
+fn check_fingers(file: &ConfigFile, known: &[FingerConfig], node: &str) -> Result<(), SettingError> {
+    let names: Vec<String> = known.iter().map(|finger| format!("`{}`", finger.name)).collect();
+    let hand_fingers = format!("every finger of {} once: {}", file.hand.display(), names.join(", "));
+    for (i, finger) in file.fingers.iter().enumerate() {
+        let (key, before) = (|name: &str| format!("fingers[{i}].{name}"), &file.fingers[..i]);
+        let is_known = known.iter().any(|other| other.name == finger.name);
+        if !is_known || before.iter().any(|other| other.name == finger.name) {
+            return Err(wrong(&key("name"), hand_fingers, format!("`{}`", finger.name)));
+        }
+        // The names of its topics contain it.
+        if Name::parse(&full_topic(node, &format!("{}/report", finger.name))).is_err() {
+            let expected = "a name that ROS takes: letters, digits and _, no digit first";
+            return Err(wrong(&key("name"), expected, format!("`{}`", finger.name)));
+        }
+        let topic = full_topic(node, &finger.image_topic);
+        check_topic(&key("image_topic"), &topic, &finger.image_topic)?;
+        // Two fingers with the same images would always agree.
+        if let Some(other) = before.iter().find(|other| full_topic(node, &other.image_topic) == topic) {
+            let expected = format!("a topic of its own, other than that of `{}`", other.name);
+            return Err(wrong(&key("image_topic"), expected, format!("`{}`", finger.image_topic)));
+        }
+        if let Some(frame) = &finger.wrench_frame {
+            check_frame(&key("wrench_frame"), frame)?;
+        }
+    }
+    match file.fingers.len() < known.len() {
+        true => Err(wrong("fingers", hand_fingers, format!("{} fingers", file.fingers.len()))),
+        false => Ok(()),
+    }
 }
 
 #[cfg(test)]
