@@ -29,7 +29,7 @@ use slipbound::sensor::Sensor;
 use slipbound_rig::container::Recorder;
 use slipbound_rig::link::now_ns;
 use slipbound_rig::report_summary::{ReportSummary, torn, when};
-use slipbound_rig::source::doubtful_rate;
+use slipbound_rig::source::{ReadAhead, doubtful_rate};
 use slipbound_rig::{config, sensors};
 use stall_detector::StallDetector;
 use std::slice;
@@ -52,7 +52,7 @@ fn finish(recorder: Recorder, terminal: &Terminal) -> Result<bool, Failure> {
 }
 
 /// A recording that was judged to its end.
-struct Ended {
+struct JudgedRecording {
     outcome: Outcome,
     summary: ReportSummary,
     /// When the first slip began: its time, or its frame where there is none.
@@ -60,7 +60,7 @@ struct Ended {
 }
 
 /// One of several recordings, for which the terminal shows only a row.
-struct Quiet {
+struct BatchMode {
     interrupted: Arc<AtomicBool>,
 }
 
@@ -69,7 +69,7 @@ struct Progress<'a> {
     terminal: Terminal,
     summary: ReportSummary,
     first_slip: Option<String>,
-    quiet: Option<&'a Quiet>,
+    batch: Option<&'a BatchMode>,
 }
 
 impl Progress<'_> {
@@ -85,7 +85,7 @@ impl Progress<'_> {
             self.first_slip.get_or_insert_with(|| when(*seq, *time_ns));
         }
         outputs.event(event, &words, frame, monitor);
-        if self.quiet.is_some() { Ok(()) } else { self.terminal.say(&words) }
+        if self.batch.is_some() { Ok(()) } else { self.terminal.say(&words) }
     }
 }
 
@@ -95,23 +95,16 @@ impl Watch {
         match self.sources.as_slice() {
             [source] => {
                 let one = Watch { source: source.clone(), ..self.clone() };
-                one.judge_all(None).map(|ended| ended.outcome)
+                one.judge_all(None).map(|judged| judged.outcome)
             }
             _ => self.run_batch(),
         }
     }
 
     /// Judges the recording from its first frame to its last.
-    fn judge_all(&self, quiet: Option<&Quiet>) -> Result<Ended, Failure> {
-        let mut settings = match &self.settings {
-            Some(file) => config::load_settings(file).map_err(Failure::arguments)?,
-            None => Settings::default(),
-        };
+    fn judge_all(&self, batch: Option<&BatchMode>) -> Result<JudgedRecording, Failure> {
+        let settings = self.settings()?;
         let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
-        settings.rest.held |= self.rest == Some(RestArgument::Held);
-        if let Some(RestArgument::Live(count)) = self.rest {
-            (settings.rest.window_count, settings.rest.held) = (count, false);
-        }
         overwriting::refuse_endings(self)?;
         overwriting::refuse(slice::from_ref(self))?;
         rest::refuse_second_reading(self)?;
@@ -129,22 +122,9 @@ impl Watch {
             let facts: Vec<String> = camera.facts.iter().map(|(name, value)| format!("{name} {value}")).collect();
             terminal.note(&format!("{}; Ctrl-C ends", facts.join(", ")));
         }
-        let found = rest::find(self, &mut recording, &settings, |size, saved| {
-            finger::of(&self.source, size, sensor.as_ref(), saved)
-        })?;
-        found.notes.iter().for_each(|note| terminal.note(note));
-        let monitor = SlipMonitor::new(&found.sensor, &settings, found.rest).map_err(Failure::arguments)?;
-        let doubt = monitor.refusal().map(|reason| format!("{reason}; {UNJUDGED}"));
-        doubt.iter().for_each(|doubt| terminal.note(&format!("{}: {doubt}", self.source)));
-        let notes: Vec<String> = found.report_note.into_iter().chain(doubt).collect();
-        let origin = outputs::Origin {
-            clock: recording.clock(),
-            rest: found.origin,
-            note: (!notes.is_empty()).then(|| notes.join("; ")),
-            rate_hz: recording.rate_hz().unwrap_or(OVERLAY_RATE_HZ),
-        };
+        let (monitor, sensor, origin) = self.at_rest(&mut recording, &settings, sensor.as_ref(), &terminal)?;
         if let Some(recorder) = &recorder {
-            self.describe(recorder, &found.sensor, &settings, camera.as_ref())?;
+            self.describe(recorder, &sensor, &settings, camera.as_ref())?;
         }
         let is_named = self.rest.as_ref().is_some_and(|rest| *rest != RestArgument::Held);
         let mut outputs = Outputs::open(self, origin, &monitor, recorder.as_ref())?;
@@ -156,13 +136,61 @@ impl Watch {
             recorder.begin();
         }
 
-        let mut progress = Progress { terminal, summary: ReportSummary::new(), first_slip: None, quiet };
+        let mut progress = Progress { terminal, summary: ReportSummary::new(), first_slip: None, batch };
         // Marked when they are judged, not when they are read ahead.
         let inlet = recorder.as_ref().map(Recorder::inlet);
         let mut recording = recording::marked(recording, inlet, 0, camera.is_none());
         let mut stalls = camera.as_ref().map(|_| StallDetector::new(self.max_silence_ms));
         let ended = self.judge(recording.as_mut(), &mut monitor, &mut outputs, &mut progress, stalls.as_mut());
-        let Progress { mut terminal, summary, first_slip, .. } = progress;
+        self.conclude(ended, progress, outputs, recorder, camera)
+    }
+
+    /// The settings of the file, with what `--rest` says.
+    fn settings(&self) -> Result<Settings, Failure> {
+        let mut settings = match &self.settings {
+            Some(file) => config::load_settings(file).map_err(Failure::arguments)?,
+            None => Settings::default(),
+        };
+        settings.rest.held |= self.rest == Some(RestArgument::Held);
+        if let Some(RestArgument::Live(count)) = self.rest {
+            (settings.rest.window_count, settings.rest.held) = (count, false);
+        }
+        Ok(settings)
+    }
+
+    /// Finds the rest frame: the monitor that counts from it, its finger, and the content of the report's header.
+    fn at_rest(
+        &self,
+        recording: &mut ReadAhead,
+        settings: &Settings,
+        sensor: Option<&Sensor>,
+        terminal: &Terminal,
+    ) -> Result<(SlipMonitor, Sensor, outputs::Origin), Failure> {
+        let found = rest::find(self, recording, settings, |size, saved| finger::of(&self.source, size, sensor, saved))?;
+        found.notes.iter().for_each(|note| terminal.note(note));
+        let monitor = SlipMonitor::new(&found.sensor, settings, found.rest).map_err(Failure::arguments)?;
+        let doubt = monitor.refusal().map(|reason| format!("{reason}; {UNJUDGED}"));
+        doubt.iter().for_each(|doubt| terminal.note(&format!("{}: {doubt}", self.source)));
+        let notes: Vec<String> = found.report_note.into_iter().chain(doubt).collect();
+        let origin = outputs::Origin {
+            clock: recording.clock(),
+            rest: found.origin,
+            note: (!notes.is_empty()).then(|| notes.join("; ")),
+            rate_hz: recording.rate_hz().unwrap_or(OVERLAY_RATE_HZ),
+        };
+        Ok((monitor, found.sensor, origin))
+    }
+
+    /// Closes the outputs, shows the summary, and says whether anything was lost.
+    fn conclude(
+        &self,
+        ended: Result<(), Failure>,
+        progress: Progress<'_>,
+        outputs: Outputs,
+        recorder: Option<Recorder>,
+        camera: Option<LiveCamera>,
+    ) -> Result<JudgedRecording, Failure> {
+        let Progress { mut terminal, summary, first_slip, batch } = progress;
         terminal.clear_bar();
         if matches!(ended, Err(Failure::ReaderLeft)) {
             let _ = recorder.map(Recorder::finish); // nobody is left to report to
@@ -170,7 +198,7 @@ impl Watch {
         }
         let overlay_ended = outputs.overlay_ended();
         let closed = outputs.close(&summary);
-        let lines = if quiet.is_some() { Vec::new() } else { summary.lines() };
+        let lines = if batch.is_some() { Vec::new() } else { summary.lines() };
         for line in lines {
             terminal.say(&line)?;
         }
@@ -188,7 +216,7 @@ impl Watch {
         // A torn frame that was replaced by a newer one is lost all the same.
         let torn_count = summary.torn_count() + camera.map_or(0, |camera| camera.tally.counts().torn_count);
         let is_whole = is_lossless? && torn_count + summary.other_size_count() == 0 && !overlay_ended;
-        Ok(Ended { outcome: if is_whole { Outcome::Done } else { Outcome::DataLost }, summary, first_slip })
+        Ok(JudgedRecording { outcome: if is_whole { Outcome::Done } else { Outcome::DataLost }, summary, first_slip })
     }
 
     /// Adds to a recording what is needed to judge it again anywhere: the finger at the resolution of its sensor file.
@@ -218,8 +246,8 @@ impl Watch {
         progress: &mut Progress<'_>,
         mut stalls: Option<&mut StallDetector>,
     ) -> Result<(), Failure> {
-        let interrupted = match progress.quiet {
-            Some(quiet) => quiet.interrupted.clone(),
+        let interrupted = match progress.batch {
+            Some(batch) => batch.interrupted.clone(),
             None => interruption::listen()?,
         };
         let mut events = SlipEvents::new();

@@ -1,7 +1,7 @@
 //! Several recordings one after the other: a row of a table each, and files of their own.
 
 use super::args::Watch;
-use super::{Ended, Quiet};
+use super::{BatchMode, JudgedRecording};
 use crate::commands::recording;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
@@ -42,17 +42,17 @@ impl Watch {
         }
         super::overwriting::refuse(&clips)?;
         self.make_folders(&clips)?;
-        let quiet = Quiet { interrupted: interruption::listen()? };
+        let batch = BatchMode { interrupted: interruption::listen()? };
         let mut terminal = Terminal::with_bar(None, self.json_on_stdout());
         terminal.clear_bar();
         let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(4);
         terminal.say(&head(width))?;
         let (mut failed_count, mut is_lossless) = (0, true);
         for (clip, name) in clips.iter().zip(&names) {
-            match clip.judge_all(Some(&quiet)) {
-                Ok(ended) => {
-                    is_lossless &= ended.outcome == Outcome::Done;
-                    terminal.say(&row(name, width, &ended))?;
+            match clip.judge_all(Some(&batch)) {
+                Ok(judged) => {
+                    is_lossless &= judged.outcome == Outcome::Done;
+                    terminal.say(&row(name, width, &judged))?;
                 }
                 Err(Failure::ReaderLeft) => return Err(Failure::ReaderLeft),
                 Err(Failure::Work(e) | Failure::Arguments(e)) => {
@@ -61,7 +61,7 @@ impl Watch {
                     terminal.note(&format!("{e:#}"));
                 }
             }
-            if quiet.interrupted.load(Ordering::Relaxed) {
+            if batch.interrupted.load(Ordering::Relaxed) {
                 return Err(anyhow!("interrupted; what was judged is kept").into());
             }
         }
@@ -138,10 +138,10 @@ fn head(width: usize) -> String {
     format!("{:<width$}  FRAMES  SLIPS  FIRST SLIP{states}", "CLIP")
 }
 
-fn row(name: &str, width: usize, ended: &Ended) -> String {
-    let summary = &ended.summary;
+fn row(name: &str, width: usize, judged: &JudgedRecording) -> String {
+    let summary = &judged.summary;
     let states = STATES.iter().map(|(name, state)| format!("  {:>1$}", summary.count(*state), name.len()));
-    let first = ended.first_slip.as_deref().unwrap_or("-");
+    let first = judged.first_slip.as_deref().unwrap_or("-");
     let (frames, slips) = (summary.frames_count(), summary.slips_count());
     format!("{name:<width$}  {frames:>6}  {slips:>5}  {first:>10}{}", states.collect::<String>())
 }
