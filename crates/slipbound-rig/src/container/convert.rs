@@ -74,7 +74,44 @@ pub enum ConvertError {
 
 /// Writes the run in `folder` into a recording, which is replaced once it is complete: on failure the old one stays.
 pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
-    let read = |path: &Path| fs::read(path).map_err(|source| Error::Read { path: path.to_owned(), source });
+    let names = names_of(folder)?;
+    // Settings files beyond a size limit are refused: nothing could read them later.
+    let mut settings = HashMap::new();
+    for name in names.iter().filter(|name| media_type(name) == TOML) {
+        let path = folder.join(name);
+        settings.insert(name.clone(), read_most_bytes(&path).map_err(|source| Error::Read { path, source })?);
+    }
+    let create = |source| recorder::Error::Create { path: file.to_owned(), source };
+    let mut replaced = ReplacedFile::create(file).map_err(create)?;
+    let wrong = |e| recorder::Error::of_writing(file, e);
+    let mut run = RunToMcap {
+        folder,
+        file,
+        names,
+        fingers: Vec::new(),
+        writer: McapWriter::create(replaced.file().try_clone().map_err(create)?).map_err(wrong)?,
+        converted: Converted::default(),
+        missing: Vec::new(),
+    };
+    let lines = run.write_files(settings)?;
+    run.fingers = run_fingers(folder).unwrap_or_default();
+    for line in &lines {
+        run.write_line(line)?;
+    }
+    let RunToMcap { writer, mut converted, missing, .. } = run;
+    if let Some(first) = missing.first() {
+        let count = missing.len();
+        converted
+            .left_out
+            .push(format!("{count} frames without a file, the first {first} (lost, or it came as pixels)"));
+    }
+    writer.finish().map_err(wrong)?;
+    replaced.keep().map_err(|e| wrong(e.into()))?;
+    Ok(converted)
+}
+
+/// Names of the files in a run folder, sorted.
+fn names_of(folder: &Path) -> Result<Vec<String>, ConvertError> {
     let mut names = Vec::new();
     let listing = |source| Error::Read { path: folder.to_owned(), source };
     for entry in fs::read_dir(folder).map_err(listing)? {
@@ -88,81 +125,124 @@ pub fn to_mcap(folder: &Path, file: &Path) -> Result<Converted, ConvertError> {
         let problem = "expected a run folder with run.toml or NAME.frames.jsonl, got neither".into();
         return Err(Error::Syntax { path: folder.to_owned(), problem }.into());
     }
-    // Settings files beyond a size limit are refused: nothing could read them later.
-    let mut settings = HashMap::new();
-    for name in names.iter().filter(|name| media_type(name) == TOML) {
-        let path = folder.join(name);
-        settings.insert(name, read_most_bytes(&path).map_err(|source| Error::Read { path, source })?);
+    Ok(names)
+}
+
+/// A run folder that is written into a recording.
+struct RunToMcap<'a> {
+    folder: &'a Path,
+    file: &'a Path,
+    /// Names of the files in the folder.
+    names: Vec<String>,
+    /// Names of the fingers in `run.toml`.
+    fingers: Vec<String>,
+    writer: McapWriter,
+    converted: Converted,
+    /// Frames whose file is not there.
+    missing: Vec<String>,
+}
+
+impl RunToMcap<'_> {
+    fn wrong(&self, error: mcap::McapError) -> recorder::Error {
+        recorder::Error::of_writing(self.file, error)
     }
-    let create = |source| recorder::Error::Create { path: file.to_owned(), source };
-    let mut replaced = ReplacedFile::create(file).map_err(create)?;
-    let wrong = |e| recorder::Error::of_writing(file, e);
-    let mut writer = McapWriter::create(replaced.file().try_clone().map_err(create)?).map_err(wrong)?;
-    let mut converted = Converted::default();
-    let mut lines = Vec::new();
-    for name in &names {
-        let path = folder.join(name);
-        let bytes = settings.remove(name).map_or_else(|| read(&path), Ok)?;
-        if let Some(topic) = topic_of_lines(name) {
-            lines.extend(dated(&topic, &bytes));
-        } else if let Some(name) = name.strip_suffix(FACTS) {
-            let facts = serde_json::from_slice(&bytes)
-                .map_err(|e| Error::Syntax { path: path.clone(), problem: e.to_string() })?;
-            writer.metadata(name.into(), facts).map_err(wrong)?;
-        } else {
-            writer.attach(name.clone(), media_type(name), &bytes, 0).map_err(wrong)?;
-            converted.files_count += 1;
-        }
-    }
-    // Each topic's lines keep their order, whatever their times are.
-    lines.sort_by_key(|line| line.time_ns);
-    let fingers: Vec<String> = run_fingers(folder).unwrap_or_default();
-    let mut missing = Vec::new();
-    for Dated { topic, time_ns, json } in &lines {
-        let (times, wrong_line) = (Times::both(*time_ns), |e: serde_json::Error| Error::Syntax {
-            path: folder.join(topic),
-            problem: e.to_string(),
-        });
-        let mut seq = 0;
-        if topic == "/cycle/frames" {
-            let text = String::from_utf8_lossy(json);
-            let frames = listed(&text).map_err(wrong_line)?;
-            for (finger, frame) in fingers.iter().zip(frames).filter_map(|(name, frame)| Some((name, frame?))) {
-                if names.contains(&format!("{finger}{RECORDS}")) {
-                    continue; // that file has more detail
-                }
-                let record = record_of(&frame);
-                let json = serde_json::to_vec(&record).map_err(wrong_line)?;
-                let times = Times::both(record.time_ns.unwrap_or(*time_ns));
-                match picture(folder, finger, &record, times, &mut writer, &wrong)? {
-                    Picture::Missing => missing.push(frame_file(finger, record.seq)),
-                    Picture::Written => converted.frames_count += 1,
-                    Picture::NotKept => {}
-                }
-                writer.message(&format!("/{finger}/frame"), Kind::Frame, record.seq, times, &json).map_err(wrong)?;
+
+    /// Writes attachments and metadata; returns the lines of all other files in the order of their times. `settings`: the
+    /// files that are read already.
+    fn write_files(&mut self, mut settings: HashMap<String, Vec<u8>>) -> Result<Vec<Dated>, ConvertError> {
+        let read = |path: &Path| fs::read(path).map_err(|source| Error::Read { path: path.to_owned(), source });
+        let mut lines = Vec::new();
+        for name in &self.names {
+            let path = self.folder.join(name);
+            let bytes = settings.remove(name).map_or_else(|| read(&path), Ok)?;
+            if let Some(topic) = topic_of_lines(name) {
+                lines.extend(dated(&topic, &bytes));
+            } else if let Some(name) = name.strip_suffix(FACTS) {
+                let facts = serde_json::from_slice(&bytes)
+                    .map_err(|e| Error::Syntax { path: path.clone(), problem: e.to_string() })?;
+                let written = self.writer.metadata(name.into(), facts);
+                written.map_err(|e| self.wrong(e))?;
+            } else {
+                let written = self.writer.attach(name.clone(), media_type(name), &bytes, 0);
+                written.map_err(|e| self.wrong(e))?;
+                self.converted.files_count += 1;
             }
+        }
+        // Each topic's lines keep their order, whatever their times are.
+        lines.sort_by_key(|line| line.time_ns);
+        Ok(lines)
+    }
+
+    /// Writes a line, after the images of the frames that it names.
+    fn write_line(&mut self, line: &Dated) -> Result<(), ConvertError> {
+        let Dated { topic, time_ns, json } = line;
+        let (times, mut seq) = (Times::both(*time_ns), 0);
+        if topic == "/cycle/frames" {
+            self.write_frames_of_cycle(line)?;
         } else if let Some(finger) = topic.strip_prefix('/').and_then(|topic| topic.strip_suffix("/frame")) {
-            let record: FrameRecord = serde_json::from_slice(json).map_err(wrong_line)?;
+            let record: FrameRecord = serde_json::from_slice(json).map_err(|e| self.wrong_line(topic, &e))?;
             seq = record.seq;
-            match picture(folder, finger, &record, times, &mut writer, &wrong)? {
-                Picture::Written => converted.frames_count += 1,
+            match self.write_picture(finger, &record, times)? {
+                Picture::Written => self.converted.frames_count += 1,
                 // A finger without any file: its frames came as pixels, and were left out of the folder.
-                Picture::Missing if folder.join(finger).is_dir() => missing.push(frame_file(finger, record.seq)),
+                Picture::Missing if self.folder.join(finger).is_dir() => {
+                    self.missing.push(frame_file(finger, record.seq));
+                }
                 Picture::Missing | Picture::NotKept => {}
             }
         }
-        writer.message(topic, Kind::of_lines(topic), seq, times, json).map_err(wrong)?;
-        converted.lines_count += 1;
+        let written = self.writer.message(topic, Kind::of_lines(topic), seq, times, json);
+        written.map_err(|e| self.wrong(e))?;
+        self.converted.lines_count += 1;
+        Ok(())
     }
-    if let Some(first) = missing.first() {
-        let count = missing.len();
-        converted
-            .left_out
-            .push(format!("{count} frames without a file, the first {first} (lost, or it came as pixels)"));
+
+    /// Writes the frames of a line of `frames.jsonl`, except for fingers with a file of their own, which has more detail.
+    fn write_frames_of_cycle(&mut self, line: &Dated) -> Result<(), ConvertError> {
+        let text = String::from_utf8_lossy(&line.json);
+        let frames = listed(&text).map_err(|e| self.wrong_line(&line.topic, &e))?;
+        for (finger, frame) in self.fingers.clone().iter().zip(frames) {
+            let Some(frame) = frame else { continue };
+            if self.names.contains(&format!("{finger}{RECORDS}")) {
+                continue;
+            }
+            let record = record_of(&frame);
+            let json = serde_json::to_vec(&record).map_err(|e| self.wrong_line(&line.topic, &e))?;
+            let times = Times::both(record.time_ns.unwrap_or(line.time_ns));
+            match self.write_picture(finger, &record, times)? {
+                Picture::Missing => self.missing.push(frame_file(finger, record.seq)),
+                Picture::Written => self.converted.frames_count += 1,
+                Picture::NotKept => {}
+            }
+            let written = self.writer.message(&format!("/{finger}/frame"), Kind::Frame, record.seq, times, &json);
+            written.map_err(|e| self.wrong(e))?;
+        }
+        Ok(())
     }
-    writer.finish().map_err(wrong)?;
-    replaced.keep().map_err(|e| wrong(e.into()))?;
-    Ok(converted)
+
+    fn wrong_line(&self, topic: &str, error: &serde_json::Error) -> Error {
+        Error::Syntax { path: self.folder.join(topic), problem: error.to_string() }
+    }
+
+    /// Writes the image of a frame, where it is kept.
+    fn write_picture(&mut self, finger: &str, record: &FrameRecord, times: Times) -> Result<Picture, ConvertError> {
+        if !record.is_kept {
+            return Ok(Picture::NotKept);
+        }
+        let path = self.folder.join(frame_file(finger, record.seq));
+        let encoded = match fs::read(&path) {
+            Ok(encoded) => encoded,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Picture::Missing),
+            Err(source) => return Err(Error::Read { path, source }.into()),
+        };
+        let frame = FrameBuffer { encoded, ..FrameBuffer::default() };
+        let stamp_ns = record.time_ns.unwrap_or(times.log_ns);
+        let (_, bytes) = foxglove::write(&frame, finger, stamp_ns);
+        let times = Times { stamp_ns, ..times };
+        let written = self.writer.message(&camera_topic(finger), Kind::Compressed, record.seq, times, &bytes);
+        written.map_err(|e| self.wrong(e))?;
+        Ok(Picture::Written)
+    }
 }
 
 /// A line and its time, ns.
@@ -207,32 +287,6 @@ enum Picture {
     NotKept,
     /// Its file is not there.
     Missing,
-}
-
-/// Writes the image of a frame, where it is kept.
-fn picture(
-    folder: &Path,
-    finger: &str,
-    record: &FrameRecord,
-    times: Times,
-    writer: &mut McapWriter,
-    wrong: &dyn Fn(mcap::McapError) -> recorder::Error,
-) -> Result<Picture, ConvertError> {
-    if !record.is_kept {
-        return Ok(Picture::NotKept);
-    }
-    let path = folder.join(frame_file(finger, record.seq));
-    let encoded = match fs::read(&path) {
-        Ok(encoded) => encoded,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Picture::Missing),
-        Err(source) => return Err(Error::Read { path, source }.into()),
-    };
-    let frame = FrameBuffer { encoded, ..FrameBuffer::default() };
-    let stamp_ns = record.time_ns.unwrap_or(times.log_ns);
-    let (_, bytes) = foxglove::write(&frame, finger, stamp_ns);
-    let times = Times { stamp_ns, ..times };
-    writer.message(&camera_topic(finger), Kind::Compressed, record.seq, times, &bytes).map_err(wrong)?;
-    Ok(Picture::Written)
 }
 
 /// Names of the fingers in `run.toml`.
