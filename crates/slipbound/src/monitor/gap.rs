@@ -6,6 +6,10 @@ const LEAST_GAP_NS: u64 = 100_000_000;
 const GAP_PERIODS: f64 = 3.5;
 /// Where frames carry no times: when the frame number increases by more than this.
 const GAP_FRAMES_COUNT: u64 = 5;
+/// A camera has slowed down when so many times in a row that would be gaps ...
+const SLOWED_COUNT: u32 = 3;
+/// ... agree with the one before within this ratio.
+const SLOWED_RATIO: f64 = 1.5;
 /// Weight of a new time between frames in the usual one.
 const PERIOD_SHARE: f64 = 0.125;
 
@@ -14,6 +18,8 @@ const PERIOD_SHARE: f64 = 0.125;
 pub(super) struct Gap {
     last: Option<(u64, Option<u64>)>,
     usual_ns: Option<f64>,
+    /// The last time between frames, if it was too long, and how many such agree.
+    long_ns: Option<(f64, u32)>,
     /// Where the last gap began: time of the last frame before it, ns.
     began_ns: Option<u64>,
 }
@@ -26,13 +32,16 @@ impl Gap {
             // After a clock was set back, the time without frames is unknown.
             (Some(last_ns), Some(now_ns)) if now_ns < last_ns => true,
             (Some(last_ns), Some(now_ns)) if now_ns > last_ns => {
-                let since_ns = now_ns - last_ns;
-                let usual_ns = *self.usual_ns.get_or_insert(since_ns as f64);
-                let is_gap = since_ns > LEAST_GAP_NS && since_ns as f64 > GAP_PERIODS * usual_ns;
-                if !is_gap {
-                    self.usual_ns = Some(usual_ns + PERIOD_SHARE * (since_ns as f64 - usual_ns));
+                let since_ns = (now_ns - last_ns) as f64;
+                let usual_ns = *self.usual_ns.get_or_insert(since_ns);
+                let is_long = since_ns > LEAST_GAP_NS as f64 && since_ns > GAP_PERIODS * usual_ns;
+                let has_slowed = is_long && self.see_long(since_ns) >= SLOWED_COUNT;
+                if !is_long || has_slowed {
+                    let share = if has_slowed { 1.0 } else { PERIOD_SHARE };
+                    self.usual_ns = Some(usual_ns + share * (since_ns - usual_ns));
+                    self.long_ns = None;
                 }
-                is_gap
+                is_long && !has_slowed
             }
             _ => seq.saturating_sub(last_seq) > GAP_FRAMES_COUNT,
         };
@@ -40,6 +49,14 @@ impl Gap {
             self.began_ns = last_ns;
         }
         is_gap
+    }
+
+    /// Counts a time between frames that is too long; returns how many in a row agree.
+    fn see_long(&mut self, since_ns: f64) -> u32 {
+        let agrees = |last_ns: f64| (last_ns / SLOWED_RATIO..=last_ns * SLOWED_RATIO).contains(&since_ns);
+        let count = self.long_ns.filter(|(last_ns, _)| agrees(*last_ns)).map_or(1, |(_, count)| count + 1);
+        self.long_ns = Some((since_ns, count));
+        count
     }
 
     /// Time since the last frame before the gap, ns.
@@ -70,6 +87,29 @@ mod tests {
         assert!([0, 1, 2, 6, 11].iter().all(|&seq| !numbered.see(seq, None)));
         assert!(numbered.see(17, None) && !numbered.see(3, None));
         assert_eq!(numbered.since_ns(None), None);
+    }
+
+    #[test]
+    fn a_camera_that_changes_to_a_slow_rate_is_seen_after_two_long_times_between_frames() {
+        for (start_ms, slow_from) in [(vec![0, 10], 2), ((0..8).map(|i| 33 * i).collect(), 8)] {
+            let mut gap = Gap::default();
+            let last_ms = start_ms[start_ms.len() - 1];
+            let times_ms = start_ms.into_iter().chain((1..9).map(|i| last_ms + 200 * i));
+            let gaps = times_ms.enumerate().filter_map(|(i, ms)| gap.see(i as u64, Some(1_000_000 * ms)).then_some(i));
+            assert_eq!(gaps.collect::<Vec<_>>(), [slow_from, slow_from + 1]);
+        }
+        let mut gap = Gap::default();
+        let mut after_ms = {
+            let (mut now_ns, mut seq) = (0, 0);
+            move |gap: &mut Gap, ms: u64| {
+                (now_ns, seq) = (now_ns + 1_000_000 * ms, seq + 1);
+                gap.see(seq, Some(now_ns))
+            }
+        };
+        (0..9).for_each(|_| assert!(!after_ms(&mut gap, 33)));
+        for ms in [200, 400, 200, 400, 33, 200, 200, 33, 200] {
+            assert_eq!(after_ms(&mut gap, ms), ms > 33, "times that do not agree, or not in a row: {ms} ms");
+        }
     }
 
     #[test]
