@@ -87,3 +87,36 @@ fn a_fast_camera_is_judged_in_turns_as_in_every_frame() {
     }
     assert!(equal * 100 >= 97 * frames, "{equal} of {frames} states are equal");
 }
+
+/// From images alone, where two frames must agree: the same image is not a second one.
+#[test]
+fn slip_begins_with_the_same_image_where_a_camera_delivers_each_twice() {
+    let scene = "ramp?object=super_glue&camera=gelsight_mini&force_n=20&mu=0.5&direction_deg=80&seed=9";
+    let mut world = World::new(&Trial::parse(&format!("{scene}&grid=fast&rest_frames=12")).expect("a trial"))
+        .expect("a sound trial");
+    let (sensor, mut buffer) = (world.sensor(), FrameBuffer::default());
+    let mut rest = RestBuilder::new(&sensor, &Settings::default(), sensor.image_px).expect("valid");
+    let mut monitors: Option<[SlipMonitor; 2]> = None;
+    let (mut once, mut twice) = (Vec::new(), Vec::new());
+    while world.next(&mut buffer).expect("a frame") == Next::Frame {
+        let frame = buffer.frame().expect("whole");
+        if frame.seq < 10 {
+            rest.add(&frame).expect("bright");
+            continue;
+        }
+        let monitor = || {
+            let rest = rest.clone().build(RestKind::Unloaded).expect("markers");
+            SlipMonitor::new(&sensor, &Settings::default(), rest).expect("valid")
+        };
+        let [single, double] = monitors.get_or_insert_with(|| [monitor(), monitor()]);
+        let at = |halves: u64| Frame { time_ns: Some((2 * frame.seq + halves) * 1_000_000_000 / 60), ..frame };
+        once.push(single.step(&at(0), None).state);
+        twice.push([0, 1].map(|halves| double.step(&at(halves), None).state));
+    }
+    let onset = once.iter().position(|state| state.is_slip());
+    assert!(onset.is_some(), "{once:?}");
+    assert_eq!(twice.iter().position(|[first, _]| first.is_slip()), onset, "{once:?} {twice:?}");
+    for pair in twice {
+        assert!(pair[0].is_slip() || !pair[1].is_slip(), "{pair:?}: slip begins in a repeated image");
+    }
+}

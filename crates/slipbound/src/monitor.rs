@@ -165,7 +165,7 @@ impl SlipMonitor {
             self.rebase(seq);
         }
         let schedule = self.schedule.clone();
-        let due = self.schedule.see(frame.time_ns, self.contact.touches, self.markers.complete());
+        let due = self.schedule.see(frame.time_ns, self.contact.state.touches, self.markers.complete());
         if let Err(reason) = self.imprint.take(frame, due.contact || self.settings.markers.finder_needs_flat()) {
             self.schedule = schedule; // what was due is due in the next frame
             probe.after(Step::Imprint, self);
@@ -179,13 +179,25 @@ impl SlipMonitor {
         probe.after(Step::Imprint, self);
 
         if due.contact {
-            self.contact.find(&self.imprint, &self.markers.all);
+            self.contact.find(&self.imprint, &self.markers.all, frame.time_ns);
         }
         probe.after(Step::Contact, self);
 
         match self.imprint.repeats() {
-            false => self.markers.track(&self.imprint, self.contact.touches, due.search),
-            true => self.markers.track_again(&self.imprint, self.contact.touches),
+            false => self.markers.track(&self.imprint, self.contact.state.touches, due.search),
+            true => self.markers.track_again(&self.imprint, self.contact.state.touches),
+        }
+        if self.markers.half_lost() && self.refusal.is_none() {
+            // Nothing of the finger is seen: what was known of the contact stays.
+            if due.contact {
+                self.contact.forget_frame();
+            }
+            self.schedule = schedule;
+            probe.after(Step::Markers, self);
+            let lost = self.unjudged(frame.seq, frame.time_ns, grip, Reason::MarkersLost);
+            let report = SlipReport { markers: self.counts(), ..lost };
+            probe.after(Step::Verdict, self);
+            return report;
         }
         self.in_contact_count = slip::mark_contact(&self.contact.region, &mut self.markers.all);
         probe.after(Step::Markers, self);
@@ -196,14 +208,14 @@ impl SlipMonitor {
             return report;
         }
 
-        if self.contact.touches {
+        if self.contact.state.touches {
             self.motion.fit(&self.contact.region, &mut self.markers.all);
         } else {
             self.motion.clear();
         }
         probe.after(Step::Motion, self);
 
-        let area_px2 = self.contact.area_px2 as f64;
+        let area_px2 = self.contact.state.area_px2 as f64;
         self.slip.judge(self.motion.motion.as_ref(), &mut self.markers.all);
         probe.after(Step::Slip, self);
 
@@ -234,20 +246,20 @@ impl SlipMonitor {
     fn estimate(&mut self, frame: &Frame<'_>, grip: Option<GripSample>, area_px2: f64) {
         // The scale of the score is that of a smooth gel: a weave shows little of an imprint.
         let held_from_start = self.evidence.starts_in_contact() && self.sensor.skin == Skin::Smooth;
-        if !self.contact.touches {
+        if !self.contact.state.touches {
             // Until the object has left, or has slid to its end.
-            let may_be_held = held_from_start && (self.contact.held_unseen || self.verdict.slides);
+            let may_be_held = held_from_start && (self.contact.state.held_unseen || self.verdict.slides);
             self.verdict.see_no_region(frame.time_ns, may_be_held, &mut self.estimator, &self.evidence);
             return;
         }
         let had_reference = self.estimator.has_reference();
-        let by_displacement = self.contact.by_displacement;
+        let by_displacement = self.contact.state.by_displacement;
         if by_displacement && !had_reference {
             self.estimator.count_from_rest();
         }
         self.estimator.set_imprint_slides(self.evidence.report.as_ref().is_some_and(|evidence| evidence.slides));
-        self.estimator.see(frame.time_ns, grip, area_px2, self.contact.middle_px, &self.markers.all);
-        self.verdict.see(&mut self.estimator, &self.evidence, held_from_start);
+        self.estimator.see(frame.time_ns, grip, area_px2, self.contact.state.middle_px, &self.markers.all);
+        self.verdict.see(&mut self.estimator, &self.evidence, held_from_start, self.imprint.repeats());
         let by_margin = self.settings.slip.rule == SlipRule::Margin;
         if by_margin && self.estimator.has_reference() && !had_reference && !by_displacement {
             // The slip field, too, is relative to the squeezed finger.
@@ -373,16 +385,15 @@ impl SlipMonitor {
         let sure = slips && self.estimator.knows_grip() && self.settings.slip.rule == SlipRule::Margin;
         let (state, reason) = match () {
             _ if self.refusal.is_some() => (SlipState::Unjudged, self.refusal),
-            _ if self.markers.half_lost() => (SlipState::Unjudged, Some(Reason::MarkersLost)),
             // Gross slip is reported whatever the contact quality.
             _ if self.verdict.slides => (SlipState::Gross, None),
-            _ if !self.contact.touches && !self.contact.held_unseen => (SlipState::NoContact, None),
+            _ if !self.contact.state.touches && !self.contact.state.held_unseen => (SlipState::NoContact, None),
             // Deviation: D11 unsure
             _ if unsure && !sure => (SlipState::Unsure, Some(Reason::ContactQuality)),
             _ if slips => (SlipState::Incipient, None),
             _ => (SlipState::Stick, None),
         };
-        let area_px2 = self.contact.area_px2 as f64;
+        let area_px2 = self.contact.state.area_px2 as f64;
         SlipReport {
             seq: frame.seq,
             time_ns: frame.time_ns,
@@ -409,7 +420,7 @@ impl SlipMonitor {
     /// Shear of the gel since rest.
     fn shear(&self) -> Option<ShearReport> {
         let seen = self.markers.all.iter().filter(|m| m.in_contact && m.whole && m.matched);
-        let motion = fit_rigid(seen.map(|m| (m.rest, m.now))).filter(|_| self.contact.touches)?;
+        let motion = fit_rigid(seen.map(|m| (m.rest, m.now))).filter(|_| self.contact.state.touches)?;
         Some(ShearReport {
             translation_px: motion.translation,
             translation_mm: self.sensor.mm_per_px().map(|mm| motion.translation * mm),

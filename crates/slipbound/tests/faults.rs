@@ -4,7 +4,7 @@ mod picture;
 
 use picture::{Painter, Random, Touch, frame};
 use slipbound::image::{Frame, Gray, Pixels, SizePx};
-use slipbound::monitor::{Probe, Reason, RestBuilder, RestKind, Settings, SlipMonitor, SlipState, Step};
+use slipbound::monitor::{Probe, Reason, RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipState, Step};
 use slipbound::plane::Vec2;
 use slipbound::sensor::{Polarity, Sensor, Skin};
 
@@ -211,4 +211,51 @@ fn every_frame_ends_with_the_verdict_also_one_that_cannot_be_judged() {
     );
     let (state, steps) = steps_of(&vec![0; 3 * SIZE.area()], 2);
     assert_eq!((state, steps), (SlipState::Unjudged, vec![Imprint, Verdict]));
+    let (state, steps) = steps_of(&vec![255; 3 * SIZE.area()], 3);
+    assert_eq!((state, steps), (SlipState::Unjudged, vec![Imprint, Contact, Markers, Verdict]));
+}
+
+/// A contact with a smooth finger that is held from the first frame on, and with fabric that is touched later; the gel
+/// is sheared. White, and half covered, in frame 16.
+#[test]
+fn a_frame_that_shows_nothing_of_the_finger_changes_nothing_that_is_known_of_its_contact() {
+    let touch = Touch { centre: Vec2::new(160.0, 120.0), radii_px: Vec2::new(90.0, 75.0), strength_levels: 30.0 };
+    for (skin, kind) in [(Skin::Smooth, RestKind::InContact), (Skin::Fabric, RestKind::Unloaded)] {
+        let painter = Painter::new(SIZE, 18.0, 6.0, skin, 0.5, 21);
+        let reports_with = |spoil: &dyn Fn(&mut [u8])| -> Vec<SlipReport> {
+            let paint = |seq: u64, touched: bool| {
+                let shift = Vec2::new(0.2 * seq.saturating_sub(6) as f64, 0.0);
+                let moved = |&p: &Vec2| if touched && touch.depth(p) < 1.0 { p + shift } else { p };
+                painter.paint(&painter.rest.iter().map(moved).collect::<Vec<_>>(), touched.then_some(&touch), seq)
+            };
+            let held = kind == RestKind::InContact;
+            let mut builder = RestBuilder::new(&painter.sensor, &Settings::default(), SIZE).expect("valid");
+            builder.add(&frame(&paint(0, held), SIZE, 0)).expect("bright");
+            let rest = builder.build(kind).expect("markers");
+            let mut monitor = SlipMonitor::new(&painter.sensor, &Settings::default(), rest).expect("valid");
+            (1..30)
+                .map(|seq| {
+                    let mut rgb = paint(seq, held || seq > 2);
+                    if seq == 16 {
+                        spoil(&mut rgb);
+                    }
+                    monitor.step(&frame(&rgb, SIZE, seq), None)
+                })
+                .collect()
+        };
+        let whole = reports_with(&|_| {});
+        let white = reports_with(&|rgb| rgb.fill(255));
+        let covered = reports_with(&|rgb| {
+            let from = rgb.len() / 5;
+            rgb[from..].fill(120);
+        });
+        for spoilt in [white, covered] {
+            assert_eq!(spoilt[15].reason, Some(Reason::MarkersLost), "{skin:?}");
+            for (a, b) in whole.iter().zip(&spoilt).filter(|(_, b)| b.seq != 16) {
+                assert_eq!((a.state, a.reference_seq), (b.state, b.reference_seq), "{skin:?}, frame {}", a.seq);
+                let of = |r: &SlipReport| r.evidence.map(|e| (e.reference_seq, (50.0 * e.slide_score).round()));
+                assert_eq!(of(a), of(b), "{skin:?}, frame {}", a.seq);
+            }
+        }
+    }
 }

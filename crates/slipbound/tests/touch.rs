@@ -136,6 +136,32 @@ fn an_object_held_from_the_start_is_held_though_its_region_is_missed_in_a_frame(
     assert!(free[2..].iter().all(|(_, state)| *state == SlipState::NoContact), "{free:?}");
 }
 
+/// The imprint has moved and is no longer as at the start; then it is too small for a region in some frames.
+#[test]
+fn an_object_held_from_the_start_that_has_moved_is_held_until_its_imprint_is_gone() {
+    let strong = Touch { strength_levels: 7.5, ..touch(55.0) };
+    let (painter, mut monitor) = finger_from(Skin::Smooth, Some(&strong));
+    let show = |monitor: &mut SlipMonitor, seq: u64, strength_levels: f64, shift_px: f64| {
+        let centre = strong.centre + Vec2::new(shift_px, 0.0);
+        let object = Touch { strength_levels, centre, ..strong };
+        let rgb = painter.paint(&painter.rest, (strength_levels > 0.0).then_some(&object), seq);
+        monitor.step(&frame(&rgb, SIZE, seq), None)
+    };
+    let reports: Vec<_> = (0..40)
+        .map(|seq| match seq {
+            0..10 => show(&mut monitor, seq, 7.5, if seq < 5 { 0.0 } else { 12.0 }),
+            _ => show(&mut monitor, seq, if seq % 3 == 0 { 5.4 } else { 7.5 }, 12.0),
+        })
+        .collect();
+    assert!(reports.iter().any(|r| r.contact.area_px2 == 0.0), "none in some: {reports:?}");
+    for report in &reports {
+        assert_ne!(report.state, SlipState::NoContact, "{report:?}");
+        assert_eq!(report.evidence.map(|e| e.reference_seq), Some(0), "{report:?}");
+    }
+    let free: Vec<_> = (40..44).map(|seq| show(&mut monitor, seq, 0.0, 12.0).state).collect();
+    assert_eq!(free, [SlipState::NoContact; 4], "at once");
+}
+
 /// The slide score needs no contact region. The object slides on, or stops after four frames.
 #[test]
 fn an_object_held_from_the_start_that_slides_is_gross_though_it_is_too_faint_for_a_region() {

@@ -235,9 +235,9 @@ impl Evidence {
         markers: &[Marker],
         due: Due,
     ) {
-        let area_px2 = contact.area_px2 as f64;
+        let area_px2 = contact.state.area_px2 as f64;
         self.has_touched |= area_px2 > 0.0;
-        self.starts_in_contact &= contact.touches || contact.held_unseen || !self.has_touched;
+        self.starts_in_contact &= contact.state.touches || contact.state.held_unseen || !self.has_touched;
         let touched = area_px2 > 0.0 || self.starts_in_contact;
         if touched && !due.evidence && self.report.is_some() {
             self.go_on(markers);

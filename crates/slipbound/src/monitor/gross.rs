@@ -96,6 +96,8 @@ pub(super) struct GrossInput<'a> {
     pub at_s: f64,
     /// Whether the object has been held since the rest frame, on a smooth gel.
     pub held_from_start: bool,
+    /// Whether the image is that of the frame before.
+    pub repeats: bool,
 }
 
 /// The features of a frame; None where the estimates or the motion of the imprint are unknown.
@@ -219,7 +221,8 @@ impl GrossWatch {
             }
             None => {
                 let all_used = used >= ALL_USED && stick <= NONE_STICKS;
-                self.all_used_frames_count = if all_used { self.all_used_frames_count + 1 } else { 0 };
+                self.all_used_frames_count =
+                    if all_used { self.all_used_frames_count + u32::from(!input.repeats) } else { 0 };
                 let begins = self.all_used_frames_count >= ALL_USED_FRAMES;
                 (begins, begins, used >= CONTINUE_USED && stick <= CONTINUE_STICK)
             }
@@ -269,6 +272,7 @@ mod tests {
             loaded: Some((field, loaded)),
             at_s: 0.0,
             held_from_start: false,
+            repeats: false,
         }
     }
 

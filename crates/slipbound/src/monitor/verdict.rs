@@ -48,8 +48,9 @@ impl Verdict {
         self.gross.features.as_ref()
     }
 
-    /// A frame in contact, after the estimator has seen it.
-    pub fn see(&mut self, estimator: &mut Estimator, evidence: &Evidence, held_from_start: bool) {
+    /// A frame in contact, after the estimator has seen it. `repeats`: its image is that of the frame before, which is no
+    /// second frame that agrees.
+    pub fn see(&mut self, estimator: &mut Estimator, evidence: &Evidence, held_from_start: bool, repeats: bool) {
         let (at_s, load, grip_n) = estimator.load_now();
         let loaded = LoadSample { at_s, load, grip_n: grip_n.unwrap_or(0.0) };
         let input = GrossInput {
@@ -58,11 +59,12 @@ impl Verdict {
             loaded: estimator.features.as_ref().map(|features| (features, loaded)),
             at_s,
             held_from_start,
+            repeats,
         };
         let moves = self.uses_evidence && self.gross.see(&estimator.estimates, estimator.knows_grip(), &input);
         estimator.set_slides(moves);
         self.slides = self.uses_evidence && self.gross.slides();
-        self.watch_margin(estimator);
+        self.watch_margin(estimator, repeats);
     }
 
     /// A frame without a contact region. `may_be_held`: whether an object that makes none has been held since the rest
@@ -84,18 +86,18 @@ impl Verdict {
         estimator.skip(time_ns);
         let (at_s, ..) = estimator.load_now();
         let (evidence, recent) = (evidence.report.as_ref(), evidence.recent.as_ref());
-        let input = GrossInput { evidence, recent, loaded: None, at_s, held_from_start: true };
+        let input = GrossInput { evidence, recent, loaded: None, at_s, held_from_start: true, repeats: false };
         self.gross.see(&estimator.estimates, false, &input);
         self.slides = self.uses_evidence && self.gross.slides();
     }
 
     /// An unknown margin does not end an alarm.
-    fn watch_margin(&mut self, estimator: &Estimator) {
+    fn watch_margin(&mut self, estimator: &Estimator, repeats: bool) {
         let Some(((alarm, clear), margin)) = self.alarm_and_clear_margin.zip(estimator.estimates.margin) else {
             return;
         };
         let small = margin.value <= if self.alarmed { clear } else { alarm };
-        self.small_margin_frames_count = if small { self.small_margin_frames_count + 1 } else { 0 };
+        self.small_margin_frames_count = if small { self.small_margin_frames_count + u32::from(!repeats) } else { 0 };
         let needed_count = if estimator.knows_grip() { 1 } else { ALONE_FRAMES_COUNT };
         self.alarmed = small && (self.alarmed || self.small_margin_frames_count >= needed_count);
     }

@@ -22,6 +22,17 @@ use crate::pixels::wide::wide;
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
 
+/// What has changed in a frame, besides the contact region.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ShadingChange {
+    /// Mean change where it counts, levels.
+    pub mean_levels: f64,
+    /// Area of the changes that are large enough for a contact, beyond its rim included, px2.
+    pub changed_px2: f64,
+    /// Area of the pieces that are each too small for a contact, px2.
+    pub small_px2: f64,
+}
+
 /// Change against rest; owns all scratch.
 #[derive(Debug, Clone)]
 pub(crate) struct ShadingContact {
@@ -90,9 +101,8 @@ impl ShadingContact {
         }
     }
 
-    /// Writes the contact region; returns the mean change inside it in levels, and the changed area, px2, including
-    /// changes beyond the rim of the contact. `change_fraction`: a change below this share of the strongest is light
-    /// reflected by the imprint, and so is a piece that nowhere reaches twice that share.
+    /// Writes the contact region. `change_fraction`: a change below this share of the strongest is light reflected by
+    /// the imprint, and so is a piece that nowhere reaches twice that share.
     pub(crate) fn find(
         &mut self,
         cells: &Cells,
@@ -100,7 +110,7 @@ impl ShadingContact {
         change_levels: f32,
         change_fraction: f32,
         region: &mut Mask,
-    ) -> (f64, f64) {
+    ) -> ShadingChange {
         self.covered.copy_from_slice(&self.rest_covered);
         for centre in markers {
             self.map.cover(centre, self.cover_radius_px, &mut self.covered);
@@ -118,7 +128,7 @@ impl ShadingContact {
         // Deviation: D15 stray light
         let peak = self.peak();
         let change_levels = change_levels.max(change_fraction * peak);
-        let strength = mean_above(&self.score, change_levels);
+        let mean_levels = mean_above(&self.score, change_levels);
         self.rim.copy_from_slice(&self.score);
         // Joins the lines left by the rim of an object into one region.
         self.disc.dilate(&mut self.score);
@@ -127,7 +137,7 @@ impl ShadingContact {
             over_near(&mut self.rim, &self.score, change_levels, self.rim_fraction);
         }
         self.disc.erode(&mut self.score);
-        let changed_count = self.drop_small(change_levels, 2.0 * change_fraction * peak);
+        let (changed_count, small_count) = self.drop_small(change_levels, 2.0 * change_fraction * peak);
         let (columns, cell_px) = (self.map.columns, self.map.cell_px);
         if self.rim_fraction > 0.0 {
             self.rim.iter_mut().zip(&self.score).for_each(|(rim, &kept)| *rim = if kept > 0.0 { *rim } else { 0.0 });
@@ -140,7 +150,8 @@ impl ShadingContact {
             mask_above(&self.score, columns, cell_px, change_levels, &mut self.changed, region);
             self.components.fill_holes(region);
         }
-        (strength, (changed_count * self.map.cell_px * self.map.cell_px) as f64)
+        let area_px2 = |count: usize| (count * cell_px * cell_px) as f64;
+        ShadingChange { mean_levels, changed_px2: area_px2(changed_count), small_px2: area_px2(small_count) }
     }
 
     /// Share of the cells whose colour in the last frame differs by more than a level from that in the first frame for
@@ -216,8 +227,9 @@ impl ShadingContact {
         }
     }
 
-    /// Drops pieces that are small or nowhere reach `peak`; returns the number of cells of the others.
-    fn drop_small(&mut self, level: f32, peak: f32) -> usize {
+    /// Drops pieces that are small or nowhere reach `peak`; returns the number of cells of the others, and of
+    /// those that are only too small.
+    fn drop_small(&mut self, level: f32, peak: f32) -> (usize, usize) {
         at_least(&self.score, level, &mut self.changed);
         let columns = self.map.columns;
         let (runs, measures, score) =
@@ -233,16 +245,19 @@ impl ShadingContact {
                 *first = (first.0 + cells.len(), first.1.max(highest));
             }
         }
-        let mut kept = 0;
+        let (mut kept, mut small) = (0, 0);
         for run in runs {
             let (count, highest) = measures[run.component];
+            if highest >= peak && count < self.least_cells {
+                small += run.columns.len();
+            }
             if count < self.least_cells || highest < peak {
                 score[run.row * columns..][run.columns].fill(0.0);
             } else {
                 kept += run.columns.len();
             }
         }
-        kept
+        (kept, small)
     }
 }
 
