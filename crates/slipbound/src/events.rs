@@ -6,7 +6,7 @@
 //! ```
 //!
 //! One rule for recordings, closed loops and replays, so that all number slips alike: a slip ends after 0.2 s without a
-//! sign of it, or when contact is lost.
+//! sign of it (1.5 s if no frame came in that time), or when contact is lost.
 
 use crate::hand::HandReport;
 use crate::monitor::{SlipKind, SlipReport, SlipState};
@@ -15,6 +15,9 @@ use serde::Serialize;
 /// A slip is over after this time without a sign of it. It is less than a controller needs for a step and its pause, so
 /// that the next slip counts as a new one.
 const QUIET_NS: u64 = 200_000_000;
+
+/// The same if no frame came in between: at least one frame a second is needed to follow a slip.
+const UNOBSERVED_NS: u64 = 1_500_000_000;
 
 /// The same where frames have no time: 0.2 s at 30 Hz.
 const QUIET_FRAMES_COUNT: u64 = 6;
@@ -84,6 +87,8 @@ pub struct EpisodeChange {
 #[derive(Debug, Clone, Default)]
 pub struct SlipEpisodes {
     running: Option<Episode>,
+    /// Whether an observation without slip has come since its last sign.
+    was_quiet: bool,
     count: u32,
 }
 
@@ -96,10 +101,11 @@ impl SlipEpisodes {
     /// Takes the next observation; returns what it ends and begins.
     pub fn see(&mut self, observation: &SlipObservation) -> EpisodeChange {
         let mut change = EpisodeChange::default();
-        if self.running.is_some_and(|running| observation.contact_lost || is_over(&running, observation)) {
+        if self.running.is_some_and(|running| observation.contact_lost || self.is_over(&running, observation)) {
             change.ended = self.running.take();
         }
-        if !observation.slips {
+        self.was_quiet = !observation.slips;
+        if self.was_quiet {
             return change;
         }
         let now = FrameStamp { seq: observation.seq, time_ns: observation.time_ns };
@@ -117,18 +123,20 @@ impl SlipEpisodes {
         change
     }
 
+    /// Whether a slip with this last sign is over by the time of `observation`.
+    fn is_over(&self, running: &Episode, observation: &SlipObservation) -> bool {
+        // Between two frames of a slow camera there was no frame without slip.
+        let quiet_ns = if self.was_quiet || !observation.slips { QUIET_NS } else { UNOBSERVED_NS };
+        match (running.last.time_ns, observation.time_ns) {
+            // A clock that was set back counts, too.
+            (Some(last_ns), Some(now_ns)) => now_ns.abs_diff(last_ns) >= quiet_ns,
+            _ => observation.seq.saturating_sub(running.last.seq) >= QUIET_FRAMES_COUNT,
+        }
+    }
+
     /// Ends the slip still in progress when the recording or the loop is over.
     pub fn end(&mut self) -> Option<Episode> {
         self.running.take()
-    }
-}
-
-/// Whether a slip with this last sign is over by the time of `observation`.
-fn is_over(running: &Episode, observation: &SlipObservation) -> bool {
-    match (running.last.time_ns, observation.time_ns) {
-        // A clock that was set back counts, too.
-        (Some(last_ns), Some(now_ns)) => now_ns.abs_diff(last_ns) >= QUIET_NS,
-        _ => observation.seq.saturating_sub(running.last.seq) >= QUIET_FRAMES_COUNT,
     }
 }
 

@@ -37,6 +37,22 @@ fn a_slip_lasts_until_nothing_was_seen_of_it_for_a_fifth_of_a_second() {
     assert_eq!(slips_in("..xx.x....xx...x.......x", true), "..1111111.222223333....4");
 }
 
+/// One in four frames arrives: a frame with slip after a frame with slip goes on, one after a frame without is the next.
+#[test]
+fn at_five_frames_a_second_a_slip_ends_with_a_frame_without_slip_or_after_one_and_a_half_seconds() {
+    let slips_of = |times_ms: &[(u64, char)]| {
+        let mut episodes = SlipEpisodes::default();
+        for (seq, &(ms, shown)) in times_ms.iter().enumerate() {
+            let time_ns = Some(1_000_000 * ms);
+            episodes.see(&SlipObservation { seq: seq as u64, time_ns, slips: shown == 'x', contact_lost: false });
+        }
+        episodes.count()
+    };
+    assert_eq!(slips_of(&[(0, 'x'), (200, 'x'), (400, 'x'), (600, 'x')]), 1);
+    assert_eq!(slips_of(&[(0, 'x'), (200, '.'), (400, 'x')]), 2);
+    assert_eq!(slips_of(&[(0, 'x'), (1499, 'x'), (2999, 'x')]), 2);
+}
+
 #[test]
 fn without_times_six_frames_are_a_fifth_of_a_second() {
     assert_eq!(slips_in("x.....x......x.", false), "111111222222.33");
