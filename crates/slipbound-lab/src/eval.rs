@@ -28,6 +28,7 @@ pub mod ramps;
 pub mod record;
 mod runner;
 pub mod slides;
+mod stated_error;
 pub mod statistics;
 mod sweep;
 pub mod table;

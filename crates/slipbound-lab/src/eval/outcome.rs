@@ -2,6 +2,7 @@
 
 use super::ground_truth::{GroundTruth, kind_of_motion};
 use super::record::TrialRecord;
+use super::stated_error::{Deviation, ESTIMATES, mean_size, rms, with_stated};
 use super::statistics::quantile;
 use super::watch::{Seen, Watched};
 use crate::rivals::Entry;
@@ -230,41 +231,42 @@ fn with_estimates(
     let is_before = |n: usize| !gross.is_shown_at(truth[n].time_s);
     let under_load = || (0..truth.len()).filter(|&n| truth[n].frame >= watched.load_from_frame && is_before(n));
     let scored = || under_load().filter(|&n| f[n] >= SCORED_FROM_FRACTION && is_steady(truth, n));
-    let mean = |errors: &[f64]| (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64);
-    let stick: Vec<f64> =
-        scored().filter_map(|n| Some((seen[n].estimates.stick_ratio? - truth[n].stick_ratio?).abs())).collect();
-    let margin: Vec<f64> = scored().filter_map(|n| Some((seen[n].estimates.margin? - (1.0 - f[n])).abs())).collect();
-    let margin_sd: Vec<f64> = scored().filter_map(|n| seen[n].estimates.margin_sd).collect();
     let Some(at_gross) = truth.iter().find(|truth| gross.is_shown_at(truth.time_s)) else { return record };
-    let rms_share = |errors: Vec<f64>, whole: f64| {
-        let squares: Vec<f64> = errors.iter().map(|error| error * error).collect();
-        mean(&squares).filter(|_| whole > 0.0).map(|square| square.sqrt() / whole)
-    };
+    let stick: Vec<Deviation> =
+        scored().filter_map(|n| Some(Deviation::of(seen[n].estimates.stick_ratio?, truth[n].stick_ratio?))).collect();
+    let margin: Vec<Deviation> =
+        scored().filter_map(|n| Some(Deviation::of(seen[n].estimates.margin?, 1.0 - f[n]))).collect();
     // Without a load of force, or of torque, there is no relative error of it.
     let (force_n, torque_n_mm) = (at_gross.wrench.force_n.length(), at_gross.wrench.torque_n_mm.abs());
     let (pulls, turns) = (force_n * at_gross.arm_mm > 0.3 * torque_n_mm, torque_n_mm > 0.3 * force_n * at_gross.arm_mm);
-    let shear: Vec<f64> = under_load()
+    let shear: Vec<Deviation> = under_load()
         .filter(|_| pulls)
-        .filter_map(|n| Some(seen[n].estimates.shear_n? - truth[n].wrench.force_n.length()))
+        .filter_map(|n| Some(Deviation::of(seen[n].estimates.shear_n?, truth[n].wrench.force_n.length())))
         .collect();
-    let torque: Vec<f64> = under_load()
+    let torque: Vec<Deviation> = under_load()
         .filter(|_| turns)
-        .filter_map(|n| Some(seen[n].estimates.torque_n_mm? - truth[n].wrench.torque_n_mm))
+        .filter_map(|n| Some(Deviation::of(seen[n].estimates.torque_n_mm?, truth[n].wrench.torque_n_mm)))
         .collect();
-    let friction: Vec<f64> = scored()
+    let friction: Vec<Deviation> = scored()
         .filter(|&n| f[n] > FRICTION_FROM_FRACTION)
-        .filter_map(|n| Some((seen[n].estimates.friction? / scored_trial.mu? - 1.0).abs()))
+        .filter_map(|n| Some(Deviation::of(seen[n].estimates.friction?, scored_trial.mu?)))
         .collect();
-    record
+    let margin_sd: Vec<f64> = margin.iter().map(|deviation| deviation.stated_sd).collect();
+    let friction_fraction = |mu: f64| quantile(&friction.iter().map(|d| d.error.abs() / mu).collect::<Vec<f64>>(), 0.5);
+    let record = record
         .with(MARGIN_SD, quantile(&margin_sd, 0.5).value)
         .with("scored_frames", scored().count())
         .with("stick_frames", stick.len())
-        .with("stick_error", mean(&stick))
+        .with("stick_error", mean_size(&stick))
         .with("margin_frames", margin.len())
-        .with("margin_error", mean(&margin))
-        .with("shear_error_fraction", rms_share(shear, force_n))
-        .with("torque_error_fraction", rms_share(torque, torque_n_mm))
-        .with("friction_error_fraction", quantile(&friction, 0.5).value)
+        .with("margin_error", mean_size(&margin))
+        .with("shear_error_fraction", rms(&shear).filter(|_| force_n > 0.0).map(|error_n| error_n / force_n))
+        .with("torque_error_fraction", rms(&torque).filter(|_| torque_n_mm > 0.0).map(|error| error / torque_n_mm))
+        .with("friction_error_fraction", scored_trial.mu.and_then(|mu| friction_fraction(mu).value));
+    [stick, margin, shear, torque, friction]
+        .iter()
+        .zip(ESTIMATES)
+        .fold(record, |record, (deviations, name)| with_stated(record, name, deviations))
 }
 
 /// Whether kind, direction and sense of rotation were right at an alarm.
@@ -302,6 +304,7 @@ mod tests {
     use super::*;
     use crate::rivals::DETECTORS;
     use crate::world::Gross;
+    use slipbound::monitor::Estimate;
 
     /// 40 frames, the load from frame 10 on, f = 0.05 a frame, gross at frame 30.
     fn ramp(slips: bool) -> (ScoredTrial, Watched) {
@@ -422,8 +425,9 @@ mod tests {
         let (scored_trial, watched) = ramp(true);
         let mut seen = seen(Some(20));
         for seen in &mut seen {
-            (seen.estimates.stick_ratio, seen.estimates.friction, seen.estimates.margin_sd) =
-                (Some(0.4), Some(0.88), Some(0.07));
+            let estimate = |value, sd| Some(Estimate { value, sd, age_frames: 0 });
+            (seen.estimates.stick_ratio, seen.estimates.friction) = (estimate(0.4, 0.06), estimate(0.88, 0.09));
+            seen.estimates.margin = estimate(0.5, 0.21);
         }
         let record = record(&scored_trial, &DETECTORS[0], &watched, &seen);
         let near = |key: &str, expected: f64| {
@@ -432,8 +436,15 @@ mod tests {
         };
         near("stick_error", 0.1);
         near("friction_error_fraction", 0.1);
-        near(MARGIN_SD, 0.07);
+        near(MARGIN_SD, 0.21);
         near("scored_frames", 18.0); // f = 0.1 to 0.95
-        assert_eq!(record.number_of("margin_error"), None);
+        // 0.1 off, with a stated error of 0.06; 0.08 with 0.09.
+        near("stick_within_1_sd", 0.0);
+        near("stick_within_2_sd", 1.0);
+        near("friction_within_1_sd", 1.0);
+        // True margins from 0.9 to 0.05: those from 0.7 to 0.3, and from 0.9 to 0.1.
+        near("margin_within_1_sd", 9.0 / 18.0);
+        near("margin_within_2_sd", 17.0 / 18.0);
+        assert_eq!((record.number_of("shear_within_1_sd"), record.number_of("shear_error_fraction")), (None, None));
     }
 }

@@ -10,6 +10,7 @@ use super::outcome::{ScoredTrial, record};
 use super::protocol::Protocol;
 use super::ramp_tables;
 use super::record::TrialRecord;
+use super::stated_error;
 use super::table::Table;
 use super::trial_seed::{camera_seed, stream};
 use super::watch::{Onlooker, Restarts, Watch, Watched, show, watch};
@@ -223,8 +224,9 @@ impl Protocol for Ramps {
         let parts: Vec<ramp_tables::Part<'_>> =
             objects.iter().map(|(name, of)| (*name, of as &dyn Fn(&TrialRecord) -> bool)).collect();
         tables.push(ramp_tables::split("By object", records, &parts));
-        tables
-            .extend(coverage::table(records, DETECTORS.iter().filter(|entry| entry.is_ours()).map(|entry| entry.name)));
+        let ours = || DETECTORS.iter().filter(|entry| entry.is_ours()).map(|entry| entry.name);
+        tables.extend(stated_error::table(records, ours()));
+        tables.extend(coverage::table(records, ours()));
         tables
     }
 

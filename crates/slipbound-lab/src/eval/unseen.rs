@@ -5,12 +5,13 @@ use super::protocol::Protocol;
 use super::ramp_tables;
 use super::ramps::{Draw, draw, records};
 use super::record::TrialRecord;
+use super::stated_error;
 use super::table::Table;
 use super::trial_seed::stream;
 use super::watch::{Onlooker, Reading, Restarts, Watch, show, watch};
 use crate::contact::{Friction, Law};
 use crate::layer::{Creep, Gel, SoftObject};
-use crate::rivals::Entry;
+use crate::rivals::{DETECTORS, Entry};
 
 /// Default number of trials: 50 of each variant.
 const TRIALS_COUNT: u64 = 650;
@@ -154,6 +155,7 @@ impl Protocol for Unseen {
             variants.iter().map(|(name, of)| (*name, of as &dyn Fn(&TrialRecord) -> bool)).collect();
         tables.push(ramp_tables::split("By variant", records, &parts));
         tables.push(ramp_tables::loads("Force, torque and friction beside the error put in", records, &parts));
+        tables.extend(stated_error::table(records, DETECTORS.iter().filter(|entry| entry.is_ours()).map(|e| e.name)));
         tables
     }
 

@@ -37,17 +37,15 @@ fn score(report: &SlipReport) -> f64 {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ReportEstimates {
     /// Stick ratio of the contact.
-    pub stick_ratio: Option<f64>,
+    pub stick_ratio: Option<Estimate>,
     /// Slip margin, 1 - f.
-    pub margin: Option<f64>,
-    /// Its stated standard deviation.
-    pub margin_sd: Option<f64>,
+    pub margin: Option<Estimate>,
     /// Tangential force, N.
-    pub shear_n: Option<f64>,
+    pub shear_n: Option<Estimate>,
     /// Torque about the contact's middle, N mm, positive from x to y.
-    pub torque_n_mm: Option<f64>,
+    pub torque_n_mm: Option<Estimate>,
     /// Friction coefficient.
-    pub friction: Option<f64>,
+    pub friction: Option<Estimate>,
     /// Kind of slip.
     pub kind: Option<SlipKind>,
     /// Sliding direction of the object, rad.
@@ -59,14 +57,12 @@ pub struct ReportEstimates {
 /// Reads a report: the only place where its estimates enter the scores.
 pub fn estimates_of(report: &SlipReport) -> ReportEstimates {
     let estimates = &report.estimates;
-    let value = |estimate: Option<Estimate>| estimate.map(|estimate| estimate.value);
     ReportEstimates {
-        stick_ratio: value(estimates.stick_ratio),
-        margin: value(estimates.margin),
-        margin_sd: estimates.margin.map(|margin| margin.sd),
-        shear_n: value(estimates.shear_n),
-        torque_n_mm: value(estimates.torque_nmm),
-        friction: value(estimates.friction),
+        stick_ratio: estimates.stick_ratio,
+        margin: estimates.margin,
+        shear_n: estimates.shear_n,
+        torque_n_mm: estimates.torque_nmm,
+        friction: estimates.friction,
         kind: report.slip.kind,
         direction_rad: report.slip.direction_rad,
         rotation_rad: report.shear.map(|shear| shear.rotation_rad),

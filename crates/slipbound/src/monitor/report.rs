@@ -165,7 +165,8 @@ pub struct ShearReport {
 pub struct Estimate {
     /// The quantity, in the unit of its name.
     pub value: f64,
-    /// Standard deviation of its error, in the same unit: from simulated trials of held-out objects.
+    /// Standard deviation of its error, in the same unit. Of stick ratio and margin: from simulated trials of held-out
+    /// objects. Without the errors of what is given: the shear stiffness and pitch of the sensor file, the grip force.
     pub sd: f64,
     /// Frames since it was measured; 0: in this frame.
     pub age_frames: u32,
