@@ -41,7 +41,9 @@ pub(super) fn mean_size(deviations: &[Deviation]) -> Option<f64> {
 
 /// Root of the mean squared error; None without frames.
 pub(super) fn rms(deviations: &[Deviation]) -> Option<f64> {
-    mean(&deviations.iter().map(|deviation| deviation.error.powi(2)).collect::<Vec<f64>>()).value.map(f64::sqrt)
+    mean(&deviations.iter().map(|deviation| deviation.error * deviation.error).collect::<Vec<f64>>())
+        .value
+        .map(f64::sqrt)
 }
 
 fn key(estimate: &str, stated_sds: u8) -> String {
