@@ -63,7 +63,7 @@ class Jaws(Gripper):
         if self.fails_at is not None and self.polls >= self.fails_at:
             raise self.error
         force_n = self.told[-1] if self.told else None
-        return GripperState(self.polls * FRAME_NS, force_n=force_n, target_n=force_n, jaws="holding")
+        return GripperState(self.polls * FRAME_NS, force_n=force_n, target_n=force_n, jaws="holding" if self.told else "open")
 
 
 class Arm(Wrist):

@@ -215,6 +215,9 @@ impl ControlLoop {
         }
         let hand = self.hand.report(now_ns);
         self.slips.see(&SlipObservation::of_hand(now_ns, &hand));
+        if self.last_step.is_none() && sensed.jaws == Jaws::Holding {
+            self.take_over(&sensed)?;
+        }
         let observation = Observation { now_ns, hand: &hand, gripper: &sensed, wrist: &wrist_state };
         let Decided { step, fault, on_fault } = self.decide(&observation, wrist_fault);
         let refused_lowering = self.send(&observation, &step, fault, gripper, wrist)?;
@@ -316,6 +319,19 @@ impl ControlLoop {
         self.fingers.iter().all(|finger| finger.rest_kind() != Some(RestKind::InContact))
     }
 
+    /// Before the first step: the gripper holds something already. Fails when it does not tell with which force, because
+    /// any command could lower it.
+    fn take_over(&mut self, state: &GripperState) -> Result<(), ControlError> {
+        if state.target_n.or(state.force_n).is_none() {
+            return Err(ControlError::HeldForceUnknown);
+        }
+        if !self.is_unloaded() {
+            // The loaded gel counts as the unloaded one, so nobody knows how much of the force is needed.
+            self.task.grip_mut().never_lower();
+        }
+        Ok(())
+    }
+
     /// The state if it can be used, else a fault.
     fn usable(&self, state: GripperState) -> Result<GripperState, Fault> {
         let is_over = self.last_step.is_some_and(|step| matches!(step.phase, Phase::Ended(_)));
@@ -338,7 +354,7 @@ impl ControlLoop {
             _ => step.grip,
         };
         if let Some(force_n) = grip.force_n() {
-            self.task.force_kept(force_n);
+            self.task.grip_mut().raise_to(force_n);
         }
         TaskStep { grip, wrist: PAUSE, ..step }
     }
@@ -357,7 +373,7 @@ impl ControlLoop {
             // A gripper that refuses to lower its force keeps the present one: that is no fault.
             Err(error) if error.kind == GripperErrorKind::Lowering => {
                 if let Some(force_n) = state.target_n.or(state.force_n) {
-                    self.task.force_kept(force_n);
+                    self.task.grip_mut().raise_to(force_n);
                 }
                 self.refused_lowering.get_or_insert_with(|| error.to_string());
                 Sent { fault: moved.err(), refused_lowering: true }

@@ -75,6 +75,7 @@ struct MyGripper {
     refuses_lowering: bool,
     /// Maximum force that it exerts, N; None: any commanded force.
     most_n: Option<f64>,
+    is_silent_on_force: bool,
     commands: Vec<GripCommand>,
     events: Vec<DriverEvent>,
 }
@@ -99,9 +100,9 @@ impl Gripper for MyGripper {
         let pressed_n = force_n.map(|n| n.min(self.most_n.unwrap_or(n)));
         Ok(GripperState {
             time_ns: 0,
-            force_n: pressed_n,
+            force_n: pressed_n.filter(|_| !self.is_silent_on_force),
             force_error_n: None,
-            target_n: force_n,
+            target_n: force_n.filter(|_| !self.is_silent_on_force),
             opening_mm: None,
             jaws,
         })
@@ -317,6 +318,29 @@ fn what_the_gripper_holds_already_is_not_loosened_to_the_starting_force() {
         assert!(gripper.commands.len() > 5);
         assert!(gripper.commands.iter().all(|told| told.force_n() == Some(first_n)), "{:?}", gripper.commands);
     }
+}
+
+/// The fingers feel it from their first frame on: they take the loaded gel for the unloaded one.
+#[test]
+fn what_is_held_already_is_not_loosened_by_fingers_that_start_in_contact() {
+    let mut control = control_with(Skin::Fabric, scenes(&[(50, Scene::Held(0.0))]), &hold());
+    let (mut wrist, mut diary) = (MyWrist::default(), Diary::default());
+    let mut gripper = MyGripper { command: Some(GripCommand::Hold { force_n: 30.0 }), ..MyGripper::default() };
+    assert!(run(&mut control, &mut gripper, &mut wrist, &mut diary).is_none());
+    assert_eq!((diary.words.last(), diary.rest_kind), (Some(&"end"), Some(RestKind::InContact)));
+    assert!(diary.words.iter().filter(|word| **word == "working").count() > 15, "{:?}", diary.words);
+    assert!(gripper.commands.iter().all(|told| told.force_n() == Some(30.0)), "{:?}", gripper.commands);
+}
+
+#[test]
+fn what_is_held_already_with_an_untold_force_is_not_touched() {
+    let mut control = control(scenes(&[(20, Scene::Open), (9, Scene::Held(0.0))]), &hold());
+    let (mut wrist, mut diary) = (MyWrist::default(), Diary::default());
+    let command = Some(GripCommand::Hold { force_n: 30.0 });
+    let mut gripper = MyGripper { command, is_silent_on_force: true, ..MyGripper::default() };
+    let error = run(&mut control, &mut gripper, &mut wrist, &mut diary).expect("refused");
+    assert!(matches!(error, ControlError::HeldForceUnknown), "{error}");
+    assert!(gripper.commands.is_empty(), "{:?}", gripper.commands);
 }
 
 #[test]

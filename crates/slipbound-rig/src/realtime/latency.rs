@@ -285,8 +285,8 @@ impl Task for NudgedTask {
         self.inner.grip()
     }
 
-    fn force_kept(&mut self, force_n: f64) {
-        self.inner.force_kept(force_n);
+    fn grip_mut(&mut self) -> &mut Guard {
+        self.inner.grip_mut()
     }
 }
 

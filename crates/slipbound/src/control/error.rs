@@ -50,6 +50,8 @@ pub enum ControlError {
         /// The finger.
         finger: String,
     },
+    /// When the loop began, the gripper held something already and did not tell with which force. Nothing was commanded.
+    HeldForceUnknown,
     /// A fault of gripper or wrist lasted longer than the loop waits.
     Fault {
         /// The fault.
@@ -75,6 +77,10 @@ impl fmt::Display for ControlError {
                 )
             }
             ControlError::Monitor { finger } => write!(f, "{finger}: the thread of its monitor has broken down"),
+            ControlError::HeldForceUnknown => f.write_str(
+                "gripper: expected the force with which it holds something already, got none: any command could lower it; \
+                 release the object first",
+            ),
             ControlError::Fault { fault, waited_ns: 0 } => write!(f, "{fault}"),
             ControlError::Fault { fault, waited_ns } => write!(f, "{fault}; waited {} s", waited_ns / 1_000_000_000),
             ControlError::Interrupted => f.write_str(
@@ -94,6 +100,7 @@ impl std::error::Error for ControlError {
             ControlError::Rest { source, .. } => source.source(),
             ControlError::Touched { .. }
             | ControlError::Monitor { .. }
+            | ControlError::HeldForceUnknown
             | ControlError::Fault { .. }
             | ControlError::Interrupted => None,
         }

@@ -20,6 +20,8 @@ pub struct Guard {
     /// The force that the controller wanted last, N, while the force is still above it: after a blind phase, or because
     /// it could not be lowered.
     raised_from_n: Option<f64>,
+    /// The controller may not lower the force.
+    never_lowers: bool,
 }
 
 impl std::fmt::Debug for Guard {
@@ -40,6 +42,7 @@ impl Guard {
             last_ns: None,
             blind: false,
             raised_from_n: None,
+            never_lowers: false,
         }
     }
 
@@ -88,6 +91,13 @@ impl Guard {
         }
     }
 
+    /// The fingers felt the object for the first time when it was held and loaded already, so the controller knows only
+    /// a part of the load: it may raise the force but not lower it, until neither the fingers nor the gripper hold
+    /// anything. A force set by the task ([`Guard::hold`]) may be lower.
+    pub fn never_lower(&mut self) {
+        self.never_lowers = true;
+    }
+
     /// Whether the force is still above the wanted one: it was raised while the hand was blind, or could not be
     /// lowered.
     pub fn is_raised(&self) -> bool {
@@ -112,6 +122,7 @@ impl Guard {
             self.seen_ns = Some(now_ns);
         }
         self.blind = !sees && now_ns.saturating_sub(seen_ns) >= self.limits.blind_after_ns;
+        self.never_lowers &= hand.state != SlipState::NoContact || gripper.jaws == Jaws::Holding;
         let jaws_gone = matches!(gripper.jaws, Jaws::Lost | Jaws::Nothing | Jaws::Stopped);
         if sees && !jaws_gone {
             return None;
@@ -160,9 +171,14 @@ impl GripController for Guard {
         if let Some(kept) = self.decision_without_sight(now_ns, hand, gripper) {
             return kept;
         }
+        let before_n = self.force_n;
         let wanted = self.inner.decide(now_ns, hand, gripper);
         let wanted = self.lower_slowly(wanted, elapsed_s, hand);
-        self.limited(wanted)
+        let decided = self.limited(wanted);
+        if self.never_lowers {
+            self.raise_to(before_n);
+        }
+        GripDecision { force_n: self.force_n, ..decided }
     }
 
     fn alarms_count(&self) -> u32 {

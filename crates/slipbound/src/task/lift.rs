@@ -133,8 +133,8 @@ impl Task for Lift {
         &self.grip
     }
 
-    fn force_kept(&mut self, force_n: f64) {
-        self.grip.raise_to(force_n);
+    fn grip_mut(&mut self) -> &mut Guard {
+        &mut self.grip
     }
 
     fn missing(&self) -> Option<Missing> {

@@ -158,9 +158,8 @@ pub trait Task {
     /// The controller that holds the object, inside its guard.
     fn grip(&self) -> &Guard;
 
-    /// The gripper holds with this force, N per finger, although the last step commanded a lower one: see
-    /// [`Guard::raise_to`].
-    fn force_kept(&mut self, force_n: f64);
+    /// The same, for what the loop knows of the grip: see [`Guard::raise_to`] and [`Guard::never_lower`].
+    fn grip_mut(&mut self) -> &mut Guard;
 
     /// What it waits for before its work can begin; None once it has begun, and before the first step.
     fn missing(&self) -> Option<Missing> {

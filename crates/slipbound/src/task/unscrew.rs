@@ -104,8 +104,8 @@ impl Task for Unscrew {
         &self.turning.grip
     }
 
-    fn force_kept(&mut self, force_n: f64) {
-        self.turning.grip.raise_to(force_n);
+    fn grip_mut(&mut self) -> &mut Guard {
+        &mut self.turning.grip
     }
 
     fn missing(&self) -> Option<Missing> {

@@ -180,6 +180,33 @@ fn a_force_raised_while_blind_is_still_lowered_slowly_when_the_gripper_has_refus
     assert!((31.0..36.0).contains(&raised_n), "120 N/s from 30 N: {raised_n}");
 }
 
+/// What the gripper held with 30 N when the fingers began to see: no margin of theirs knows the load it has already.
+#[test]
+fn a_force_that_may_not_be_lowered_is_only_raised_until_nothing_is_held() {
+    let margin = Law::Margin(MarginSettings::default().with_stiffness_mpa_per_mm(0.05));
+    for (law, slip_adds_n) in [(Law::Constant, 0.0), (Law::OnSlip(OnSlipSettings::default()), 10.0), (margin, 4.0)] {
+        let mut guard = law.controller(&GripLimits::default()).expect("valid");
+        guard.raise_to(30.0);
+        guard.never_lower();
+        let (mut now_ns, mut force_n) = (0, 30.0);
+        let mut step = |state, margin, jaws, count| {
+            for _ in 0..count {
+                now_ns += FRAME_NS;
+                let hand = HandReport { margin: Some(margin), ..hand(state) };
+                force_n = guard.decide(now_ns, &hand, &GripperState { jaws, ..gripper(force_n) }).force_n;
+            }
+            force_n
+        };
+        assert_eq!(step(SlipState::Stick, 0.99, Jaws::Holding, 300), 30.0, "{law:?}: ten seconds");
+        assert_eq!(step(SlipState::NoContact, 0.99, Jaws::Holding, 30), 30.0, "{law:?}: not felt for a second");
+        let raised_n = step(SlipState::Gross, -1.0, Jaws::Holding, 1);
+        assert!((raised_n - 30.0 - slip_adds_n).abs() < 1e-3, "{law:?}: {raised_n} N");
+        assert_eq!(step(SlipState::Stick, 0.99, Jaws::Holding, 300), raised_n, "{law:?}");
+        step(SlipState::NoContact, 0.99, Jaws::Open, 1);
+        assert!(step(SlipState::Stick, 0.99, Jaws::Holding, 90) < raised_n - 10.0, "{law:?}: another object");
+    }
+}
+
 #[test]
 fn a_lower_force_or_none_is_not_the_one_kept() {
     let mut guard = Law::Constant.controller(&GripLimits::default()).expect("valid");
