@@ -17,6 +17,9 @@
 //! slide it is not lowered below the force that stopped the slide until the load has fallen. It is not lowered while
 //! fewer fingers know a margin than before in this grasp: the missing finger may have the smallest margin.
 //!
+//! While the object slides, the force rises from the commanded one, and a command that has stood for a second counts as
+//! reached, whatever the gripper reads: a reading that is too low does not hide that more force is needed.
+//!
 //! When a loaded finger in contact gives no margin, the force is raised slowly, up to a limit: see
 //! [`MarginSettings::unsure_n_per_s`].
 //!
@@ -45,6 +48,9 @@ const GROWN_N: f64 = 0.1;
 /// After a gap without a decision longer than this, ns, the averages are outdated: they are reset, and the force is not
 /// lowered until the load has been constant again.
 const LONGEST_GAP_NS: u64 = 250_000_000;
+
+/// Time for which the command must have stood to count as reached, ns: longer than jaws ever need to build up force.
+const REACHED_NS: u64 = 1_000_000_000;
 
 /// Force beyond this multiple of the wanted force is excess.
 const EXCESS: f64 = 1.5;
@@ -198,6 +204,8 @@ pub struct Margin {
     limits: GripLimits,
     force_n: f64,
     last_ns: Option<u64>,
+    /// Since when this force has been decided, ns and N.
+    stands: Option<(u64, f64)>,
     /// Averaged minimum holding force, N: the force at which the object would slide.
     least_n: Option<f64>,
     /// Its average over [`STANDS_S`], N.
@@ -224,6 +232,7 @@ impl Margin {
             limits: *limits,
             force_n: limits.start_n,
             last_ns: None,
+            stands: None,
             least_n: None,
             before_n: 0.0,
             margin: None,
@@ -258,11 +267,23 @@ impl Margin {
         if used >= self.settings.urgent_fraction { now_n.max(average_n) } else { average_n }
     }
 
-    /// No margin is known. A contact that was loaded when last judged may be slipping; without frames or contact
-    /// nothing is known.
+    /// The force with which the gripper presses, N: its reading, but not less than a command that it has had long enough
+    /// to reach.
+    fn pressed_n(&mut self, now_ns: u64, gripper: &GripperState) -> Option<f64> {
+        let since_ns = self.stands.filter(|(_, n)| *n == self.force_n).map_or(now_ns, |(since_ns, _)| since_ns);
+        self.stands = Some((since_ns, self.force_n));
+        let is_reached = now_ns.saturating_sub(since_ns) >= REACHED_NS;
+        let read_n = gripper.pressed_n().filter(|n| n.is_finite())?;
+        Some(if is_reached { read_n.max(self.force_n) } else { read_n }).filter(|n| *n > 0.0)
+    }
+
+    /// No margin or no force is known. What slides is gripped harder. A contact that was loaded when last judged may be
+    /// slipping; without frames or contact nothing is known.
     fn without_margin(&mut self, hand: &HandReport, elapsed_s: f64) -> GripDecision {
         let was_loaded = self.margin.is_some_and(|margin| margin < LOADED_MARGIN);
-        if hand.state == SlipState::Unsure && was_loaded {
+        if hand.state == SlipState::Gross {
+            self.force_n = (self.force_n + self.settings.raise_n_per_s * elapsed_s).min(self.limits.most_n);
+        } else if hand.state == SlipState::Unsure && was_loaded {
             let from_n = *self.unsure_from_n.get_or_insert(self.force_n);
             let most_n = (from_n * (1.0 + self.settings.unsure_most_fraction)).min(self.limits.most_n);
             self.force_n = (self.force_n + self.settings.unsure_n_per_s * elapsed_s).min(most_n).max(self.force_n);
@@ -288,7 +309,7 @@ impl GripController for Margin {
         let elapsed_s = step_s(self.last_ns.replace(now_ns), now_ns);
         self.count_alarm(hand, gripper);
         let misses = self.misses_finger(hand);
-        let pressed_n = gripper.pressed_n().filter(|n| n.is_finite() && *n > 0.0);
+        let pressed_n = self.pressed_n(now_ns, gripper);
         let gross = hand.state == SlipState::Gross;
         // An object that slides uses all friction, whatever the estimate.
         let used = hand.margin.map(|margin| 1.0 - margin).map(|used| if gross { used.max(1.0) } else { used });
@@ -301,7 +322,9 @@ impl GripController for Margin {
         let least_n = self.least_n(used, pressed_n, elapsed_s, misses);
         let used = least_n / pressed_n;
         self.margin = Some((1.0 - used).clamp(0.0, 1.0));
-        let wanted_n = least_n / target;
+        let raised_n = self.force_n + self.settings.raise_n_per_s * elapsed_s;
+        // What slides needs more than the command, however much of it the gripper reads.
+        let wanted_n = if gross { raised_n.max(least_n / target) } else { least_n / target };
         let grows = least_n > (1.0 + GROWN_FRACTION) * self.before_n + GROWN_N;
         self.before_n += smoothing::weight(elapsed_s, STANDS_S) * (least_n - self.before_n);
         let release_n = self.settings.release_n(self.force_n, wanted_n, elapsed_s);
@@ -311,8 +334,8 @@ impl GripController for Margin {
         let keeps = misses || gross || doubt > 0.0 && used > DOUBTFUL_LOADED_FRACTION;
         let slack = self.settings.slack_fraction.min(target);
         if wanted_n > self.force_n {
-            self.force_n = wanted_n.min(self.force_n + self.settings.raise_n_per_s * elapsed_s);
-        } else if !grows && !keeps && least_n < (target - slack) * self.force_n {
+            self.force_n = wanted_n.min(raised_n);
+        } else if !grows && !keeps && least_n < (target - slack) * self.force_n.min(pressed_n) {
             self.force_n = wanted_n.max(self.force_n - release_n).max(kept_n);
         }
         self.force_n = self.force_n.clamp(self.limits.least_n, self.limits.most_n);

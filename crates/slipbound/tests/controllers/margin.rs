@@ -288,6 +288,34 @@ fn nothing_is_let_go_while_a_finger_is_missing() {
     assert!(told[60..].iter().all(|n| *n > stands_n - 0.5), "in turns: {stands_n} N, then {:?}", &told[60..]);
 }
 
+/// The gripper reads half of what it is told, or nothing: 5 N of 10 lie below what a slide at 5 N would ask for.
+#[test]
+fn what_slides_is_gripped_harder_whatever_the_gripper_reads() {
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    for reads_fraction in [Some(0.5), Some(0.3), Some(0.0), None] {
+        let ends_n = |state, margin, frames: u64| {
+            let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
+            (0..frames).fold(10.0, |told_n: f64, frame| {
+                let force_n = reads_fraction.map(|fraction| fraction * told_n);
+                let state_n = GripperState { force_n, target_n: None, ..gripper(told_n) };
+                let hand = HandReport { margin, ..hand(state) };
+                controller.decide(frame * FRAME_NS, &hand, &state_n).force_n
+            })
+        };
+        for margin in [Some(0.0), Some(0.5), None] {
+            let told_n = ends_n(SlipState::Gross, margin, 10);
+            assert!(told_n > 40.0, "{reads_fraction:?} {margin:?}: {told_n} N after 0.3 s");
+        }
+        // Nine tenths are used up: no less, and more once the reading can no longer be on its way.
+        let (soon_n, later_n) =
+            (ends_n(SlipState::Incipient, Some(0.1), 25), ends_n(SlipState::Incipient, Some(0.1), 90));
+        assert!(
+            soon_n >= 10.0 && (reads_fraction.is_none() || later_n > soon_n + 5.0),
+            "{reads_fraction:?}: {soon_n} {later_n}"
+        );
+    }
+}
+
 #[test]
 fn a_reading_that_is_no_number_leaves_no_trace() {
     let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
