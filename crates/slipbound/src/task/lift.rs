@@ -2,11 +2,11 @@
 
 use super::grasp::{Grasp, Grasped};
 use super::shear_offset::ShearOffset;
-use super::step::{Ending, Missing, Observation, PAUSE, Phase, Task, TaskStep, lower};
+use super::step::{ARRIVED_MM, Ending, Missing, Observation, PAUSE, Phase, Task, TaskStep, lower};
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard};
 use crate::hand::Allowed;
 use crate::monitor::SlipState;
-use crate::port::{Jaws, WristMotion};
+use crate::port::Jaws;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
@@ -82,7 +82,6 @@ impl Lift {
     }
 
     fn work(&mut self, observation: &Observation<'_>) {
-        let start_mm = *self.start_mm.get_or_insert(observation.wrist.lowered_mm);
         let seen =
             self.shear_offset.correct(&self.settings.allowed.filter(observation.hand), observation.gripper.pressed_n());
         self.last = self.grip.decide(observation.now_ns, &seen, observation.gripper);
@@ -93,13 +92,19 @@ impl Lift {
         if self.is_up && feels {
             self.held_ns += observation.now_ns.saturating_sub(since_ns).min(LONGEST_STEP_NS);
         }
-        self.is_up |= start_mm - observation.wrist.lowered_mm >= self.settings.lift_mm - 0.01;
+        self.is_up |= self.left_mm(observation) <= ARRIVED_MM;
         self.phase = match () {
             _ if observation.is_lost() => Phase::Ended(Ending::Lost),
             _ if self.is_up && feels && self.held_ns >= self.settings.hold_ns => Phase::Ended(Ending::Held),
             _ if self.is_up || self.last.arm == ArmMotion::Pause => Phase::Waiting,
             _ => Phase::Working,
         };
+    }
+
+    /// How far it is still to be lifted, mm.
+    fn left_mm(&mut self, observation: &Observation<'_>) -> f64 {
+        let lowered_mm = observation.wrist.lowered_mm;
+        self.settings.lift_mm - (*self.start_mm.get_or_insert(lowered_mm) - lowered_mm)
     }
 }
 
@@ -119,13 +124,10 @@ impl Task for Lift {
             Phase::Ended(_) => {}
             _ => self.work(observation),
         }
-        let way_mm = self.start_mm.map_or(self.settings.lift_mm, |start_mm| {
-            self.settings.lift_mm - (start_mm - observation.wrist.lowered_mm)
-        });
-        let mut wrist = if self.phase == Phase::Working { lower(-self.settings.rate_mm_per_s) } else { PAUSE };
-        if let WristMotion::Lower { most_mm, .. } = &mut wrist.motion {
-            *most_mm = most_mm.min(way_mm.max(0.0));
-        }
+        let wrist = match self.phase {
+            Phase::Working => lower(-self.settings.rate_mm_per_s, self.left_mm(observation)),
+            _ => PAUSE,
+        };
         TaskStep { grip: self.last.command(), wrist, phase: self.phase }
     }
 

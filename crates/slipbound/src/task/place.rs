@@ -10,7 +10,7 @@
 
 use super::grasp::{Grasp, Grasped};
 use super::ground::Ground;
-use super::step::{Ending, Missing, Observation, PAUSE, Phase, Task, TaskStep, lower};
+use super::step::{ARRIVED_MM, Ending, Missing, Observation, PAUSE, Phase, Task, TaskStep, lower};
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
 use crate::hand::{Allowed, HandReport};
 use crate::port::{GripCommand, Jaws};
@@ -146,7 +146,7 @@ impl Place {
             self.phase = Phase::Ended(Ending::Lost);
             return;
         }
-        if self.lowered_too_far(observation.wrist.lowered_mm) {
+        if self.left_mm(observation) <= ARRIVED_MM {
             self.phase = Phase::Ended(Ending::Limit);
             return;
         }
@@ -157,9 +157,10 @@ impl Place {
         }
     }
 
-    /// Whether it has been lowered by the most that the settings allow.
-    fn lowered_too_far(&mut self, lowered_mm: f64) -> bool {
-        lowered_mm - *self.start_mm.get_or_insert(lowered_mm) >= self.settings.most_mm
+    /// How far it may still be lowered, mm.
+    fn left_mm(&mut self, observation: &Observation<'_>) -> f64 {
+        let lowered_mm = observation.wrist.lowered_mm;
+        self.settings.most_mm - (lowered_mm - *self.start_mm.get_or_insert(lowered_mm))
     }
 
     /// When the object touched the ground, ns: from then on the grip is loose. None before, and while the fingers do not
@@ -260,7 +261,10 @@ impl Task for Place {
         }
         let rate_mm_per_s =
             if self.touched_ns.is_some() { self.settings.laying_mm_per_s } else { self.settings.rate_mm_per_s };
-        let wrist = if self.phase == Phase::Working { lower(rate_mm_per_s) } else { PAUSE };
+        let wrist = match self.phase {
+            Phase::Working => lower(rate_mm_per_s, self.left_mm(observation)),
+            _ => PAUSE,
+        };
         let grip = match self.phase {
             Phase::Releasing | Phase::Ended(Ending::Placed | Ending::NotReleased) => GripCommand::Release,
             _ => self.last.command(),

@@ -170,14 +170,20 @@ pub trait Task {
 /// Longest duration of a motion that is not renewed, s.
 const MOTION_S: f64 = LONGEST_TIME_TO_LIVE_NS as f64 * 1e-9;
 
-/// A turn that lasts until the renewal after the next.
-pub(super) fn turn(rate_rad_per_s: f64) -> WristCommand {
-    WristCommand::new(WristMotion::Turn { rate_rad_per_s, most_rad: rate_rad_per_s.abs() * MOTION_S })
+/// A wrist this close to the end of its way has arrived, rad and mm: less than wrists resolve.
+pub(super) const ARRIVED_RAD: f64 = 1e-4;
+pub(super) const ARRIVED_MM: f64 = 0.01;
+
+/// A turn that lasts until the renewal after the next, by at most this angle.
+pub(super) fn turn(rate_rad_per_s: f64, left_rad: f64) -> WristCommand {
+    let most_rad = (rate_rad_per_s.abs() * MOTION_S).min(left_rad.max(0.0));
+    WristCommand::new(WristMotion::Turn { rate_rad_per_s, most_rad })
 }
 
-/// A lowering (negative: lifting) that lasts until the renewal after the next.
-pub(super) fn lower(rate_mm_per_s: f64) -> WristCommand {
-    WristCommand::new(WristMotion::Lower { rate_mm_per_s, most_mm: rate_mm_per_s.abs() * MOTION_S })
+/// A lowering (negative: lifting) that lasts until the renewal after the next, by at most this distance.
+pub(super) fn lower(rate_mm_per_s: f64, left_mm: f64) -> WristCommand {
+    let most_mm = (rate_mm_per_s.abs() * MOTION_S).min(left_mm.max(0.0));
+    WristCommand::new(WristMotion::Lower { rate_mm_per_s, most_mm })
 }
 
 pub(super) const PAUSE: WristCommand = WristCommand::new(WristMotion::Pause);

@@ -3,7 +3,7 @@
 use super::grasp::{Grasp, Grasped};
 use super::shear_history::ShearHistory;
 use super::shear_offset::ShearOffset;
-use super::step::{Ending, Missing, Observation, PAUSE, Phase, TaskStep, turn};
+use super::step::{ARRIVED_RAD, Ending, Missing, Observation, PAUSE, Phase, TaskStep, turn};
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
 use crate::hand::{Allowed, HandReport};
 use crate::monitor::SlipState;
@@ -126,14 +126,16 @@ impl Turning {
             Phase::Ended(_) => {}
             _ => self.work(observation, end),
         }
-        let wrist = if self.phase == Phase::Working { turn(self.rate_rad_per_s) } else { PAUSE };
+        let wrist = match self.phase {
+            Phase::Working => turn(self.rate_rad_per_s, self.most_rad - self.turned_rad(observation)),
+            _ => PAUSE,
+        };
         TaskStep { grip: self.last.command(), wrist, phase: self.phase }
     }
 
     fn work(&mut self, observation: &Observation<'_>, end: impl Fn(TurnState<'_>) -> Option<Ending>) {
-        let start_rad = *self.start_rad.get_or_insert(observation.wrist.angle_rad);
         let sense = self.rate_rad_per_s.signum();
-        let turned_rad = sense * (observation.wrist.angle_rad - start_rad);
+        let turned_rad = self.turned_rad(observation);
         let before = self.last;
         let pressed_n = observation.gripper.pressed_n();
         let mut seen = self.shear_offset.correct(&self.allowed.filter(observation.hand), pressed_n);
@@ -163,13 +165,19 @@ impl Turning {
             let seen_ending = sees
                 .then(|| end(TurnState { shear: &self.shear, turned_rad, slip_at_most, slips_rad: self.slips_rad }))
                 .flatten();
-            seen_ending.or((turned_rad >= self.most_rad).then_some(Ending::Limit))
+            seen_ending.or((turned_rad >= self.most_rad - ARRIVED_RAD).then_some(Ending::Limit))
         };
         self.phase = match (ending, self.last.arm) {
             (Some(ending), _) => Phase::Ended(ending),
             (None, ArmMotion::Go) => Phase::Working,
             (None, _) => Phase::Waiting,
         };
+    }
+
+    /// How far the wrist has turned since it first was to turn, in the sense of the task, rad.
+    fn turned_rad(&mut self, observation: &Observation<'_>) -> f64 {
+        let angle_rad = observation.wrist.angle_rad;
+        self.rate_rad_per_s.signum() * (angle_rad - *self.start_rad.get_or_insert(angle_rad))
     }
 
     /// What it waits for before it can turn.

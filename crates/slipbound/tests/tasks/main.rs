@@ -74,6 +74,44 @@ fn a_moment_without_sight_during_the_grasp_raises_the_force_to_the_blind_force_a
     assert_eq!(told[8], (Phase::Grasping, 40.0), "{told:?}");
 }
 
+/// A wrist that carries out every motion to its end, which is further than the settings allow in all.
+#[test]
+fn no_task_goes_further_than_its_settings_say() {
+    for rate_mm_per_s in [3.0, 100.0] {
+        let rate_rad_per_s = if rate_mm_per_s > 50.0 { 60f64 } else { 20.0 }.to_radians();
+        let mut settings = TaskSettings::default();
+        (settings.place.rate_mm_per_s, settings.place.most_mm) = (rate_mm_per_s, 3.0);
+        (settings.lift.rate_mm_per_s, settings.lift.lift_mm, settings.lift.hold_ns) =
+            (rate_mm_per_s, 2.0, 1_000_000_000);
+        (settings.screw.rate_rad_per_s, settings.screw.most_rad) = (rate_rad_per_s, 0.2);
+        (settings.unscrew.rate_rad_per_s, settings.unscrew.most_rad) = (-rate_rad_per_s, 0.4);
+        for (kind, way, ending) in [
+            (TaskKind::Place, 3.0, Ending::Limit),
+            (TaskKind::Lift, -2.0, Ending::Held),
+            (TaskKind::Screw, 0.2, Ending::Limit),
+            (TaskKind::Unscrew, -0.4, Ending::Limit),
+        ] {
+            let mut task = settings.task(kind, Some(0.05)).expect("valid");
+            let (mut at, mut ended) = (7.0, None);
+            for cycle in 0..200u64 {
+                let wrist = WristState { time_ns: 0, angle_rad: at, lowered_mm: at, moving: true };
+                let (report, state, now_ns) = (hand(SlipState::Stick), gripper(10.0), cycle * FRAME_NS);
+                let step = task.step(&Observation { now_ns, hand: &report, gripper: &state, wrist: &wrist });
+                at += match step.wrist.motion {
+                    WristMotion::Lower { rate_mm_per_s, most_mm } => most_mm.copysign(rate_mm_per_s),
+                    WristMotion::Turn { rate_rad_per_s, most_rad } => most_rad.copysign(rate_rad_per_s),
+                    WristMotion::Pause => 0.0,
+                };
+                if let Phase::Ended(how) = step.phase {
+                    ended = Some(how);
+                }
+            }
+            assert_eq!(ended, Some(ending), "{kind}");
+            assert!((at - 7.0 - way).abs() < 1e-9, "{kind} at {rate_mm_per_s} mm/s: {}", at - 7.0);
+        }
+    }
+}
+
 #[test]
 fn a_window_that_can_never_fill_is_refused_by_its_full_key() {
     for (change, key) in [
