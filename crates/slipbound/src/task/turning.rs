@@ -40,6 +40,13 @@ impl SlideSettings {
     }
 }
 
+/// Growth of the commanded force that makes a new grip, as a fraction: the shear under it is judged anew. A controller
+/// that follows the load changes the force by less in nearly every cycle.
+const NEW_GRIP_FRACTION: f64 = 0.05;
+
+/// Share of the window that is enough to see that fingers which slid less than two windows ago slide still.
+const STILL_SLIDES_SHARE: f64 = 0.25;
+
 /// A cap being turned.
 #[derive(Debug)]
 pub(super) struct Turning {
@@ -54,6 +61,10 @@ pub(super) struct Turning {
     phase: Phase,
     start_rad: Option<f64>,
     shear: ShearHistory,
+    /// The lowest force commanded since the shear is judged, N.
+    judged_n: f64,
+    /// Where the fingers were last seen to slide, rad of the turn.
+    slid_rad: Option<f64>,
     longest_window_rad: f64,
     /// Where slip under the largest force was first and last detected, rad of the turn.
     slips_rad: Option<(f64, f64)>,
@@ -105,6 +116,8 @@ impl Turning {
             phase: Phase::Grasping,
             start_rad: None,
             shear: ShearHistory::new(longest_window_rad.max(slide.window_rad)),
+            judged_n: last.force_n,
+            slid_rad: None,
             longest_window_rad,
             slips_rad: None,
             last,
@@ -136,16 +149,18 @@ impl Turning {
     fn work(&mut self, observation: &Observation<'_>, end: impl Fn(TurnState<'_>) -> Option<Ending>) {
         let sense = self.rate_rad_per_s.signum();
         let turned_rad = self.turned_rad(observation);
-        let before = self.last;
         let pressed_n = observation.gripper.pressed_n();
         let mut seen = self.shear_offset.correct(&self.allowed.filter(observation.hand), pressed_n);
-        if self.slides(&seen, pressed_n) {
+        if self.slides(&seen, pressed_n, turned_rad) {
             seen.state = SlipState::Gross;
+            self.slid_rad = Some(turned_rad);
         }
         self.last = self.grip.decide(observation.now_ns, &seen, observation.gripper);
-        if self.last.force_n != before.force_n {
+        if self.last.force_n > (1.0 + NEW_GRIP_FRACTION) * self.judged_n {
             self.shear.restart();
+            self.judged_n = self.last.force_n;
         }
+        self.judged_n = self.judged_n.min(self.last.force_n);
         if let Some(shear) = seen.shear_mm {
             self.shear.see(turned_rad, sense * shear.around);
         }
@@ -187,9 +202,12 @@ impl Turning {
 
     /// Whether the fingers slide around the cap. Always false where the stiffness of the gel is unknown: a cap that
     /// turns freely looks the same then.
-    fn slides(&self, hand: &HandReport, pressed_n: Option<f64>) -> bool {
+    fn slides(&self, hand: &HandReport, pressed_n: Option<f64>, turned_rad: f64) -> bool {
         let load_n = self.stiffness_mpa_per_mm.and_then(|stiffness| hand.load_n(stiffness));
         let (Some(load_n), Some(pressed_n)) = (load_n, pressed_n) else { return false };
-        load_n >= self.slide.least_mu * pressed_n && self.shear.is_flat(self.slide.window_rad, self.slide.flat_fraction)
+        let SlideSettings { window_rad, flat_fraction, least_mu } = self.slide;
+        let slid_lately = self.slid_rad.is_some_and(|at_rad| turned_rad - at_rad <= 2.0 * window_rad);
+        let window_rad = if slid_lately { STILL_SLIDES_SHARE * window_rad } else { window_rad };
+        load_n >= least_mu * pressed_n && self.shear.is_flat(window_rad, flat_fraction)
     }
 }

@@ -1,11 +1,12 @@
 //! Screwing and unscrewing a cap: end on evidence.
 
 use crate::synthetic::{FRAME_NS, gripper, hand};
-use slipbound::grip::Law;
-use slipbound::hand::HandVector;
+use slipbound::grip::{ArmMotion, GripController, GripDecision, Guard, Law};
+use slipbound::hand::{HandReport, HandVector};
 use slipbound::monitor::SlipState;
-use slipbound::port::{GripCommand, WristMotion, WristState};
+use slipbound::port::{GripCommand, GripperState, WristMotion, WristState};
 use slipbound::task::{ControllerKind, Ending, Observation, Phase, Task, TaskKind, TaskSettings};
+use std::sync::{Arc, Mutex};
 
 /// A cap, and a gripper and a wrist that follow at once; the test defines the shear at each angle.
 struct Bench {
@@ -127,6 +128,57 @@ fn fingers_that_slide_unseen_round_a_cap_are_noticed_by_the_load() {
     // 6.67 N per mm: 0.6 mm is 4 N of 10, flat from 0.3 rad on, and no marker shows slip.
     let (ending, _) = bench.run(|rad| (2.0 * rad).min(0.6), |_| false);
     assert!(bench.force_n > 10.0, "{ending:?} at {} N", bench.force_n);
+}
+
+/// A controller whose force is never the same twice, as that of one which follows the load; where told so it adds 2 N
+/// in each cycle of a slide.
+struct Restless {
+    force_n: f64,
+    adds_n: f64,
+    cycles_count: u64,
+    /// The cycles in which the object slid.
+    slid: Arc<Mutex<Vec<u64>>>,
+}
+
+impl GripController for Restless {
+    fn decide(&mut self, _: u64, hand: &HandReport, _: &GripperState) -> GripDecision {
+        if hand.state == SlipState::Gross {
+            self.slid.lock().expect("alone").push(self.cycles_count);
+            self.force_n += self.adds_n;
+        }
+        self.cycles_count += 1;
+        let force_n = self.force_n + if self.cycles_count.is_multiple_of(2) { 0.2 } else { -0.2 };
+        GripDecision { force_n, arm: ArmMotion::Go }
+    }
+
+    fn alarms_count(&self) -> u32 {
+        0
+    }
+
+    fn wants_more(&self) -> bool {
+        false
+    }
+}
+
+/// The load stays at 0.8 P, as that of fingers that slide: 6.67 N per mm of shear.
+#[test]
+fn fingers_that_slide_are_noticed_while_the_force_changes_and_as_long_as_they_slide() {
+    for (adds_n, cycles_count) in [(0.0, 60), (2.0, 12)] {
+        let mut settings = TaskSettings::default();
+        settings.grip.most_n = 40.0;
+        let slid = Arc::new(Mutex::new(Vec::new()));
+        let own = Restless { force_n: 10.0, adds_n, cycles_count: 0, slid: slid.clone() };
+        let own = Guard::new(Box::new(own), settings.grip);
+        let task = settings.task_with(TaskKind::Screw, own, Some(0.05)).expect("valid");
+        let mut bench = Bench { task, ..Bench::new(TaskKind::Screw) };
+        for _ in 0..100 {
+            bench.step((20.0 * bench.angle_rad).min(0.12 * bench.force_n));
+        }
+        let slid = slid.lock().expect("alone");
+        // Two thirds of a degree a cycle: loaded after five cycles, flat over 8 deg after twelve more.
+        assert!(slid.first().is_some_and(|first| (15..21).contains(first)), "{adds_n}: {slid:?}");
+        assert!(slid.len() >= cycles_count, "{adds_n}: {slid:?}");
+    }
 }
 
 #[test]
