@@ -8,10 +8,10 @@
 //! ```
 //!
 //! Guarantee: a fault of software or of a link never opens a hand. While gripper or wrist have a fault (a lost link, no
-//! answer, a refusal, a latched fast stop, a force that does not follow) the wrist is paused, the force is kept (a
-//! command that the gripper does not reach may fall to what it exerts), and the loop continues to judge frames and
-//! waits, for up to ten seconds. On any other error the loop ends: the wrist is paused first, and the gripper keeps its
-//! force, or raises it to the blind force if that is set and higher.
+//! answer, a refusal, a latched fast stop, a force or a wrist that does not follow) the wrist is paused, the force is
+//! kept (a command that the gripper does not reach may fall to what it exerts), and the loop continues to judge frames
+//! and waits, for up to ten seconds. On any other error the loop ends: the wrist is paused first, and the gripper keeps
+//! its force, or raises it to the blind force if that is set and higher.
 //!
 //! The loop has no clock and no threads. Its driver calls [`ControlLoop::cycle`] when frames are due and
 //! [`Gripper::poll_io`] every few ms in between: `slipbound_rig::realtime` for hardware, `slipbound_lab::lockstep` for
@@ -38,7 +38,7 @@ use crate::port::{
 };
 use crate::setting::SettingError;
 use crate::task::{Observation, Phase, Task, TaskStep};
-use fault::{FaultLog, ForceShortfall};
+use fault::{FaultLog, ForceShortfall, WristStandstill};
 
 /// A pause of the wrist, whatever it is doing.
 const PAUSE: WristCommand = WristCommand::new(WristMotion::Pause);
@@ -81,6 +81,7 @@ pub struct ControlLoop {
     faults: FaultLog,
     force: ForceSense,
     shortfall: ForceShortfall,
+    standstill: WristStandstill,
     refused_lowering: Option<String>,
     slips: SlipEpisodes,
     events: Vec<DriverEvent>,
@@ -102,6 +103,7 @@ impl ControlLoop {
             faults: FaultLog::default(),
             force: ForceSense::default(),
             shortfall: ForceShortfall::default(),
+            standstill: WristStandstill::default(),
             refused_lowering: None,
             slips: SlipEpisodes::default(),
             events: Vec::new(),
@@ -266,7 +268,9 @@ impl ControlLoop {
         let shortfall = self.shortfall.check(observation.now_ns, observation.gripper, &step);
         // A force that the gripper does not reach need not be kept.
         let pressed_n = observation.gripper.force_n.filter(|_| shortfall.is_some());
-        let fault = shortfall.or(wrist_fault);
+        let commanded = self.last_step.map(|last| last.wrist.motion);
+        let standstill = self.standstill.check(observation.now_ns, observation.wrist, commanded, step.wrist.motion);
+        let fault = shortfall.or(wrist_fault).or(standstill);
         let on_fault = fault.is_some() || self.faults.current().is_some();
         let step = if on_fault { self.step_on_fault(step, pressed_n) } else { step };
         self.last_step = Some(step);

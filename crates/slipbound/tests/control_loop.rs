@@ -378,6 +378,21 @@ fn with_the_wrist_lost_the_grip_is_commanded_on_and_the_fault_is_cleared_after_h
     }
 }
 
+/// A wrist that accepts every motion and stands, as with its brakes on.
+#[test]
+fn a_wrist_that_never_moves_is_a_fault_after_a_second_and_a_half() {
+    let mut settings = hold();
+    settings.lift.lift_mm = 20.0;
+    let mut control = control(scenes(&[(20, Scene::Open), (80, Scene::Held(0.0))]), &settings);
+    let (mut gripper, mut wrist, mut diary) = (MyGripper::default(), MyWrist::default(), Diary::default());
+    assert!(run(&mut control, &mut gripper, &mut wrist, &mut diary).is_none());
+    assert_eq!(control.fault().map(|fault| fault.kind), Some(FaultKind::WristStands));
+    let moves_count = wrist.0.iter().filter(|motion| **motion != WristMotion::Pause).count();
+    assert!((45..=47).contains(&moves_count), "commanded for a second and a half: {moves_count}");
+    assert!(wrist.0.iter().rev().take(40).all(|motion| *motion == WristMotion::Pause), "{:?}", wrist.0);
+    assert_eq!(gripper.command, Some(GripCommand::Hold { force_n: 10.0 }));
+}
+
 #[test]
 fn a_force_that_stays_short_is_a_fault_after_a_second_and_a_half() {
     let mut control = control(scenes(&[(20, Scene::Open), (60, Scene::Held(0.0))]), &hold());

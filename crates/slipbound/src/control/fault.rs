@@ -5,7 +5,10 @@
 //!     | no more fault for 0.5 s: cleared        | 10 s after it began: the loop ends
 //! ```
 
-use crate::port::{GripCommand, GripperError, GripperErrorKind, GripperState, Jaws, WristError, WristErrorKind};
+use crate::port::{
+    GripCommand, GripperError, GripperErrorKind, GripperState, Jaws, LONGEST_TIME_TO_LIVE_NS, WristError,
+    WristErrorKind, WristMotion, WristState,
+};
 use crate::task::TaskStep;
 use std::borrow::Cow;
 use std::fmt;
@@ -16,13 +19,17 @@ const FAULT_TIMEOUT_NS: u64 = 10_000_000_000;
 /// Time without a fault after which the wrist may move again, ns.
 const CLEAR_AFTER_NS: u64 = 500_000_000;
 
-/// Longest time for a measured force to reach the commanded one, ns.
+/// Longest time for a measured force to reach the commanded one, and for a wrist to begin a motion, ns.
 const FOLLOW_NS: u64 = 1_500_000_000;
 
 /// Shortfall that is tolerated then: the largest of this force, N, this share of the command, and the error bound that
 /// the driver states.
 const SHORTFALL_N: f64 = 2.0;
 const SHORTFALL_FRACTION: f64 = 0.2;
+
+/// Share of the motion commanded in that time below which the wrist stands: less than an arm at its lowest speed makes
+/// of it, more than the noise of an encoder.
+const STANDS_FRACTION: f64 = 0.02;
 
 /// Kind of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,6 +45,8 @@ pub enum FaultKind {
     JawsUnknown,
     /// The measured force stays below the commanded one.
     ForceShortfall,
+    /// The wrist accepts motions and does not move.
+    WristStands,
     /// One of a recorded run; its events tell which.
     Recorded,
 }
@@ -147,5 +156,51 @@ impl ForceShortfall {
             text: format!("gripper: expected {asked_n:.1} N per finger, measured {measured_n:.1} N for too long")
                 .into(),
         })
+    }
+}
+
+/// Checks whether the wrist carries out the motions that it accepts.
+#[derive(Debug, Default)]
+pub(super) struct WristStandstill {
+    /// Since when it has stood, ns, and where, rad or mm.
+    since: Option<(u64, f64)>,
+    checked_ns: u64,
+    is_fault: bool,
+}
+
+impl WristStandstill {
+    /// The fault, when it has stood for too long. `commanded`: the motion of the last cycle; `wanted`: that of this
+    /// one. The wrist is paused because of the fault, which therefore lasts as long as the task wants to move it.
+    pub fn check(
+        &mut self,
+        now_ns: u64,
+        state: &WristState,
+        commanded: Option<WristMotion>,
+        wanted: WristMotion,
+    ) -> Option<Fault> {
+        let Some((position, rate_per_s)) = position_and_rate(state, wanted) else {
+            *self = WristStandstill::default();
+            return None;
+        };
+        // A motion that was not renewed, as while the gripper was away, has expired.
+        let is_renewed =
+            now_ns.saturating_sub(std::mem::replace(&mut self.checked_ns, now_ns)) <= LONGEST_TIME_TO_LIVE_NS;
+        let was_to_move = is_renewed && commanded.is_some_and(|motion| position_and_rate(state, motion).is_some());
+        let (since_ns, from) = self.since.filter(|_| was_to_move || self.is_fault).unwrap_or((now_ns, position));
+        let elapsed_ns = now_ns.saturating_sub(since_ns);
+        let moves = (position - from).abs() > STANDS_FRACTION * rate_per_s.abs() * FOLLOW_NS as f64 * 1e-9;
+        self.since = Some(if moves { (now_ns, position) } else { (since_ns, from) });
+        self.is_fault = !moves && elapsed_ns > FOLLOW_NS;
+        self.is_fault
+            .then(|| Fault { kind: FaultKind::WristStands, text: "wrist: expected a motion, but it stands".into() })
+    }
+}
+
+/// Where the wrist is on the way of this motion, rad or mm, and the rate; None for a motion that leads nowhere.
+fn position_and_rate(state: &WristState, motion: WristMotion) -> Option<(f64, f64)> {
+    match motion {
+        WristMotion::Turn { rate_rad_per_s, most_rad } if most_rad > 0.0 => Some((state.angle_rad, rate_rad_per_s)),
+        WristMotion::Lower { rate_mm_per_s, most_mm } if most_mm > 0.0 => Some((state.lowered_mm, rate_mm_per_s)),
+        _ => None,
     }
 }

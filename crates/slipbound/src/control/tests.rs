@@ -173,6 +173,34 @@ fn a_force_that_does_not_follow_is_a_fault_and_one_on_its_way_is_not() {
     assert_eq!(shortfall.check(5 * S, &state(0.0), &releases()), None);
 }
 
+/// At 1 mm/s; the wrist moves for 0.1 s, stands for 2 s, and is paused by the fault from then on.
+#[test]
+fn a_wrist_that_stands_although_it_is_to_move_is_a_fault_and_one_that_was_paused_is_not() {
+    let lower = |most_mm| WristMotion::Lower { rate_mm_per_s: -1.0, most_mm };
+    let state = |lowered_mm| WristState { time_ns: 0, angle_rad: 0.0, lowered_mm, moving: true };
+    let faults = |lowered_mm: &dyn Fn(u64) -> f64, commanded: &dyn Fn(u64) -> WristMotion, wanted| {
+        let mut standstill = WristStandstill::default();
+        let mut is_fault =
+            |ms: u64| standstill.check(ms * 1_000_000, &state(lowered_mm(ms)), Some(commanded(ms)), wanted).is_some();
+        (0..9000).step_by(100).filter(|ms| is_fault(*ms)).collect::<Vec<_>>()
+    };
+    let noise_mm = |ms: u64| (ms % 7) as f64 * 1e-3;
+    let stands = |ms: u64| -0.1 * f64::from(u8::from(ms >= 100)) + noise_mm(ms);
+    let paused = |from_ms| move |ms: u64| if ms < from_ms { lower(0.2) } else { WristMotion::Pause };
+    let told = faults(&stands, &paused(1800), lower(0.2));
+    assert_eq!(told, (1700..9000).step_by(100).collect::<Vec<_>>(), "and it lasts while it is wanted to move");
+    assert!(faults(&stands, &paused(1500), lower(0.2)).is_empty(), "paused by another fault");
+    assert!(faults(&|ms| -1e-4 * ms as f64, &paused(9000), lower(0.2)).is_empty(), "at a tenth of its speed");
+    for wanted in [WristMotion::Pause, lower(0.0)] {
+        assert!(faults(&stands, &paused(9000), wanted).is_empty(), "{wanted:?}");
+    }
+    // The gripper's link was lost for five seconds, in which nothing was commanded.
+    let mut standstill = WristStandstill::default();
+    for ms in [0, 100, 200, 5200, 5300] {
+        assert_eq!(standstill.check(ms * 1_000_000, &state(stands(ms)), Some(lower(0.2)), lower(0.2)), None, "{ms}");
+    }
+}
+
 impl Scribe {
     fn poll_state(mut self) -> GripperState {
         Gripper::poll(&mut self).expect("there")
