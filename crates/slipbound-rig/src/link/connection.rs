@@ -12,6 +12,12 @@ use std::time::Duration;
 /// Time between two attempts to connect again, ns.
 const RECONNECT_NS: u64 = 250_000_000;
 
+/// A link that ended sooner, ns, was accepted and closed: it is tried again like one that was refused.
+const SHORT_LIVED_NS: u64 = 1_000_000_000;
+
+/// Number of such links in a row after which a likely cause is told.
+const SHORT_LIVED_COUNT: u32 = 3;
+
 /// Most reads of one call; with 4 kB each that is more than any gripper sends in a second.
 const MOST_READS: usize = 16;
 
@@ -26,13 +32,25 @@ pub struct Connection {
     link: Option<Box<dyn Link>>,
     attempt: Option<Receiver<Attempt>>,
     attempt_from_ns: u64,
+    /// When the link was connected again, ns.
+    linked_ns: Option<u64>,
+    /// How many links in a row were short-lived.
+    short_lived_count: u32,
     inbox: Vec<u8>,
 }
 
 impl Connection {
     /// Takes a link; with a connector it is reconnected when it is lost.
     pub fn new(link: Option<Box<dyn Link>>, connector: Option<Arc<dyn Connector>>) -> Self {
-        Connection { connector, link, attempt: None, attempt_from_ns: 0, inbox: Vec::with_capacity(8192) }
+        Connection {
+            connector,
+            link,
+            attempt: None,
+            attempt_from_ns: 0,
+            linked_ns: None,
+            short_lived_count: 0,
+            inbox: Vec::with_capacity(8192),
+        }
     }
 
     /// Whether the link is up.
@@ -91,8 +109,15 @@ impl Connection {
     /// Closes the link; with a connector it is reconnected.
     pub fn give_up(&mut self, now_ns: u64, endpoint: &mut dyn Endpoint, why: &str) {
         self.link = None;
-        self.attempt_from_ns = now_ns;
-        endpoint.unlinked(now_ns, why);
+        let is_short_lived =
+            self.linked_ns.take().is_some_and(|from_ns| now_ns.saturating_sub(from_ns) < SHORT_LIVED_NS);
+        self.short_lived_count = if is_short_lived { self.short_lived_count + 1 } else { 0 };
+        self.attempt_from_ns = now_ns + if is_short_lived { RECONNECT_NS } else { 0 };
+        if self.short_lived_count < SHORT_LIVED_COUNT {
+            endpoint.unlinked(now_ns, why);
+        } else {
+            endpoint.unlinked(now_ns, &format!("{why}, as soon as it was made: another program may be connected"));
+        }
     }
 
     /// Connects a lost link again, on a thread of its own.
@@ -100,7 +125,7 @@ impl Connection {
         let (None, Some(connector)) = (&self.link, &self.connector) else { return };
         match self.attempt.as_ref().map(Receiver::try_recv) {
             Some(Ok(Ok(link))) => {
-                (self.link, self.attempt) = (Some(link), None);
+                (self.link, self.attempt, self.linked_ns) = (Some(link), None, Some(now_ns));
                 endpoint.linked(now_ns);
             }
             Some(Ok(Err(_)) | Err(TryRecvError::Disconnected)) => {
@@ -137,14 +162,42 @@ mod tests {
         }
     }
 
+    /// A connector whose links are closed by the other side at once; counts them.
+    #[derive(Default)]
+    struct Busy {
+        links_count: AtomicU32,
+    }
+
+    impl Connector for Busy {
+        fn connect(&self) -> Attempt {
+            self.links_count.fetch_add(1, Ordering::SeqCst);
+            Ok(Box::new(Closed))
+        }
+    }
+
+    struct Closed;
+
+    impl Link for Closed {
+        fn read(&mut self, _: &mut Vec<u8>) -> io::Result<usize> {
+            Err(io::ErrorKind::UnexpectedEof.into())
+        }
+
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Ok(0)
+        }
+    }
+
     #[derive(Default)]
     struct Silent {
         outgoing: Vec<u8>,
+        whys: Vec<String>,
     }
 
     impl Endpoint for Silent {
         fn linked(&mut self, _now_ns: u64) {}
-        fn unlinked(&mut self, _now_ns: u64, _why: &str) {}
+        fn unlinked(&mut self, _now_ns: u64, why: &str) {
+            self.whys.push(why.into());
+        }
         fn receive(&mut self, _now_ns: u64, _bytes: &[u8]) {}
         fn tick(&mut self, _now_ns: u64) {}
         fn outgoing(&mut self) -> &mut Vec<u8> {
@@ -177,5 +230,25 @@ mod tests {
         assert_eq!(tries_count(), 1, "tried again before the pause was over");
         poll(1_000_000_000 + RECONNECT_NS, &|_| tries_count() == 2);
         assert_eq!(tries_count(), 2);
+    }
+
+    #[test]
+    fn where_links_are_accepted_and_closed_it_is_tried_again_after_a_pause_and_the_likely_cause_is_told() {
+        let busy = Arc::new(Busy::default());
+        let (mut connection, mut endpoint) =
+            (Connection::new(Some(Box::new(Closed)), Some(busy.clone())), Silent::default());
+        for ms in (0..1000u64).step_by(10) {
+            // The attempt runs on a thread of its own: the test's clock stands still meanwhile.
+            for _ in 0..1000 {
+                connection.poll_io(ms * 1_000_000, &mut endpoint);
+                if connection.attempt.is_none() {
+                    break;
+                }
+                thread::sleep(Duration::from_millis(1));
+            }
+        }
+        assert_eq!(busy.links_count.load(Ordering::SeqCst), 4);
+        let told = endpoint.whys.iter().map(|why| why.contains("another program may be connected")).collect::<Vec<_>>();
+        assert_eq!(told, [false, false, false, true, true], "{:?}", endpoint.whys);
     }
 }
