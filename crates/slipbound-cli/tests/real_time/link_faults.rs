@@ -283,6 +283,7 @@ fn a_program_told_to_end_pauses_the_wrist_and_keeps_the_force() {
         let (got, said) = lifting.end();
         assert_eq!(got, Some(1), "{said}");
         assert!(said.contains("interrupted") && lifting.events().contains("interrupted"), "{said}");
+        assert!(!lifting.events().contains("end of the source"), "{}", lifting.events());
         assert!(lifting.folder.join("run/report.html").exists());
         sleep(Duration::from_millis(500));
         row(&format!("our process: kill {name}"), &lifting, since_ns, unix_ns(), 0, "exit code 1, report written");

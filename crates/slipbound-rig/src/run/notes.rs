@@ -1,6 +1,6 @@
 //! Messages about a run for its user: faults, driver events, refusals of the gripper.
 
-use slipbound::control::{CycleView, Fault};
+use slipbound::control::{CycleOutcome, CycleView, Fault};
 use slipbound::finger_pipeline::FingerView;
 use slipbound::monitor::{Reason, RestKind};
 use slipbound::port::{Clock, Next};
@@ -54,7 +54,9 @@ impl RunNotes {
             Some(_) => {}
             None if !self.faults.is_empty() => {
                 self.faults.clear();
-                lines.push("gripper and wrist are back; going on".into());
+                if !view.outcome.is_some_and(CycleOutcome::has_ended) {
+                    lines.push("gripper and wrist are back; going on".into());
+                }
             }
             None => {}
         }

@@ -1,9 +1,11 @@
 //! The events of a run.
 
 use crate::{events, screw, written};
+use slipbound::control::{Cycle, CycleOutcome, CycleView, Fault, FaultKind};
 use slipbound::monitor::SlipState;
 use slipbound::port::GripCommand;
-use slipbound_rig::run::Event;
+use slipbound::task::{Ending, Phase};
+use slipbound_rig::run::{Event, RunNotes};
 
 #[test]
 fn events_tell_what_happened() {
@@ -35,6 +37,29 @@ fn events_tell_what_happened() {
     assert_eq!(count(|e| matches!(e, Event::Note { .. })), 1);
     assert_eq!(count(|e| matches!(e, Event::Ended { .. })), 1);
     assert_eq!(count(|e| matches!(e, Event::Result(_))), screw::results().len());
+}
+
+/// A fault that clears when the object is gone, and with it the task, is not followed by anything.
+#[test]
+fn after_the_end_of_the_task_nothing_is_said_to_go_on() {
+    let fault = Fault { kind: FaultKind::ForceShortfall, text: "too little".into() };
+    for (phase, goes_on) in [(Phase::Working, true), (Phase::Ended(Ending::Lost), false)] {
+        let outcome = CycleOutcome::Commanded(Cycle { phase, ..screw::cycles()[100] });
+        let mut notes = RunNotes::default();
+        let told = [Some(&fault), None].map(|fault| {
+            notes.see(&CycleView {
+                now_ns: 1,
+                outcome: Some(&outcome),
+                fingers: &[],
+                fault,
+                refused_lowering: None,
+                driver_events: &[],
+                truth: None,
+            })
+        });
+        assert_eq!(told[0], ["too little; the wrist pauses, the grip stays"]);
+        assert_eq!(told[1].iter().any(|line| line.contains("going on")), goes_on, "{told:?}");
+    }
 }
 
 #[test]

@@ -37,9 +37,13 @@ impl Ended<'_> {
             score.ending = Some(Ending::Held); // to the end of the source
         }
         let ending = score.ending;
+        let unfinished = || match &ran {
+            Ok(()) => "not before the end of the source".into(),
+            Err(e) => format!("{e:#}"),
+        };
         let row = |name: &str, value: String| Row { name: name.into(), value, ..Row::default() };
         let rows = [
-            row("ended", ending.map_or("not before the end of the source", Ending::name).into()),
+            row("ended", ending.map_or_else(unfinished, |ending| ending.name().into())),
             row("alarms", score.alarms_count.to_string()),
             row("largest force commanded", format!("{:.1} N", score.most_n)),
             row("grip at the end", self.held_n.map_or("unknown".into(), |n| format!("{n:.1} N per finger"))),
