@@ -17,8 +17,9 @@
 //! slide it is not lowered below the force that stopped the slide until the load has fallen. It is not lowered while
 //! fewer fingers know a margin than before in this grasp: the missing finger may have the smallest margin.
 //!
-//! While the object slides, the force rises from the commanded one, and a command that has stood for a second counts as
-//! reached, whatever the gripper reads: a reading that is too low does not hide that more force is needed.
+//! While the object slides under the force that should hold it, the force rises from the commanded one, and a command
+//! that has stood for a second counts as reached, whatever the gripper reads: a reading that is too low does not hide
+//! that more force is needed.
 //!
 //! When a loaded finger in contact gives no margin, the force is raised slowly, up to a limit: see
 //! [`MarginSettings::unsure_n_per_s`].
@@ -323,8 +324,9 @@ impl GripController for Margin {
         let used = least_n / pressed_n;
         self.margin = Some((1.0 - used).clamp(0.0, 1.0));
         let raised_n = self.force_n + self.settings.raise_n_per_s * elapsed_s;
-        // What slides needs more than the command, however much of it the gripper reads.
-        let wanted_n = if gross { raised_n.max(least_n / target) } else { least_n / target };
+        let wanted_n = least_n / target;
+        // What slides under the force that should hold it needs more, however much of it the gripper reads.
+        let wanted_n = if gross && wanted_n <= self.force_n { raised_n } else { wanted_n };
         let grows = least_n > (1.0 + GROWN_FRACTION) * self.before_n + GROWN_N;
         self.before_n += smoothing::weight(elapsed_s, STANDS_S) * (least_n - self.before_n);
         let release_n = self.settings.release_n(self.force_n, wanted_n, elapsed_s);
