@@ -199,6 +199,9 @@ impl SlipMonitor {
             probe.after(Step::Verdict, self);
             return report;
         }
+        if due.contact {
+            self.contact.confirm_frame();
+        }
         self.in_contact_count = slip::mark_contact(&self.contact.region, &mut self.markers.all);
         probe.after(Step::Markers, self);
         if !self.markers.anchored && self.refusal.is_none() {

@@ -195,6 +195,15 @@ impl Contact {
         self.state.middle_px = if self.state.by_displacement { None } else { self.region.middle_px() };
     }
 
+    /// Confirms the last frame, which shows the finger: where a contact since the rest frame has ended in it, a weave
+    /// looks as it does when it is free.
+    pub(super) fn confirm_frame(&mut self) {
+        let ends_start = self.before.1.untouched == Untouched::Unseen && self.state.untouched == Untouched::Now;
+        if let (true, RegionFinder::Texture(texture)) = (ends_start, &mut self.finder) {
+            texture.end_start();
+        }
+    }
+
     /// Returns to the contact as it was before the last frame, which turned out to show no finger.
     pub(super) fn forget_frame(&mut self) {
         std::mem::swap(&mut self.region, &mut self.before.0);
@@ -256,12 +265,7 @@ impl Contact {
         };
         state.by_displacement = state.touches && !seen && !off && self.displaced.is_some();
         state.untouched = match state.untouched {
-            Untouched::Unseen if !state.touches => {
-                if let RegionFinder::Texture(texture) = &mut self.finder {
-                    texture.end_start();
-                }
-                Untouched::Now
-            }
+            Untouched::Unseen if !state.touches => Untouched::Now,
             Untouched::Now if state.touches => Untouched::AtRest,
             known => known,
         };
