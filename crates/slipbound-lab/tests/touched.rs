@@ -1,6 +1,6 @@
 //! When a finger is touched: a start in contact that ends, and light that changes.
 
-use slipbound::image::Frame;
+use slipbound::image::{Frame, Pixels, Rgb};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipState};
 use slipbound::port::{FrameBuffer, FrameSource, Next};
 use slipbound_lab::scenes::Trial;
@@ -37,6 +37,12 @@ fn watch(scene: &str, light_per_frame: f64, from: u64, rest_count: u64, kind: Re
             let rest = rest.take().expect("once").build(kind).expect("markers");
             SlipMonitor::new(&sensor, &Settings::default(), rest).expect("valid")
         });
+        // A white frame in a contact since the rest frame changes nothing.
+        if kind == RestKind::InContact && states.len() == 5 {
+            let white = vec![255; 3 * sensor.image_px.area()];
+            let white = Frame { pixels: Pixels::Rgb(Rgb::new(&white, sensor.image_px).expect("its size")), ..frame };
+            assert_eq!(monitor.step(&white, None).state, SlipState::Unjudged);
+        }
         states.push((world.truth().grip_force_n > 0.0, monitor.step(&frame, None).state));
     }
     (states, monitor.expect("more frames than those at rest"))
