@@ -113,6 +113,8 @@ impl Page<'_> {
         let commanded_n = self.cycles.iter().filter_map(|c| c.grip_command.force_n());
         let most_n = commanded_n.filter(|n| n.is_finite()).fold(0.0, f64::max);
         let last = self.cycles.last();
+        let alarms_count = last.map_or(0, |c| c.alarms_count);
+        let one_or = |count: u64, one, more| (count.to_string(), if count == 1 { one } else { more });
         // On the same clock as slips, plots and events.
         let facts = [
             (
@@ -123,10 +125,10 @@ impl Page<'_> {
                     (None, None) => "until it broke off",
                 },
             ),
-            (self.slips_count.to_string(), if self.slips_count == 1 { "slip" } else { "slips" }),
-            (last.map_or(0, |c| c.alarms_count).to_string(), "alarms of the controller"),
+            one_or(self.slips_count.into(), "slip", "slips"),
+            one_or(alarms_count.into(), "alarm of the controller", "alarms of the controller"),
             (format!("{most_n:.1} N"), "largest force commanded, per finger"),
-            (self.info.fingers.len().to_string(), if self.info.fingers.len() == 1 { "finger" } else { "fingers" }),
+            one_or(self.info.fingers.len() as u64, "finger", "fingers"),
         ];
         writeln!(f, "<ul class=\"facts\">")?;
         for (value, name) in facts {
