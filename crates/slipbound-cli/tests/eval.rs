@@ -71,10 +71,34 @@ fn arguments_that_cannot_be_are_refused_by_name() {
         (&["merge", "-o", "m"], "merge: expected the folders of all shards, got none"),
         (&["slides", "--left-out", "trees"], "--left-out: expected with `ramps` only, got slides"),
         (&["ramps", "--left-out", "trees"], "trees/tape_roll.txt: "),
+        (&["unseen", "--ramp-s", "8"], "--ramp-s: expected with `ramps` only, got unseen"),
+        (&["ramps", "--ramp-s", "NaN"], "expected 0.05 to 120 s, got NaN"),
     ] {
         let (code, _, err) = run(dir.path(), arguments);
         assert!(code == Some(2) && err.contains(said), "{arguments:?}: {code:?} {err}");
     }
+}
+
+#[test]
+fn ramps_take_as_long_as_they_are_told_to() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let base = ["ramps", "--trials", "1", "--detector", "ours", "--pictures", "0", "--ramp-s"];
+    let (code, _, err) = run(dir.path(), &[&base[..], &["0.2", "-o", "fast"]].concat());
+    assert_eq!((code, err.as_str()), (Some(0), ""));
+    let record = fs::read_to_string(dir.path().join("fast/trials.jsonl")).expect("a record");
+    assert_eq!(serde_json::from_str::<serde_json::Value>(&record).expect("JSON")["ramp_s"], 0.2);
+    // The duration is a setting of the sweep: others do not go on in its folder, and a merge keeps it.
+    let (code, _, err) = run(dir.path(), &[&base[..], &["0.3", "-o", "fast"]].concat());
+    assert!(code == Some(2) && err.contains("fast/sweep.json: sweep.settings: expected {"), "{err}");
+    let merge =
+        |more: &[&str], to: &str| run(dir.path(), &[&["merge", "fast", "--pictures", "0", "-o", to], more].concat());
+    let (code, _, err) = merge(&[], "merged");
+    assert_eq!((code, err.as_str()), (Some(0), ""));
+    let [before, after] =
+        ["fast", "merged"].map(|folder| fs::read(dir.path().join(folder).join("table.md")).expect("a table"));
+    assert_eq!(before, after);
+    let (code, _, err) = merge(&["--ramp-s", "0.3"], "contradicted");
+    assert!(code == Some(2) && err.contains("merge --ramp-s: expected that of the sweep or none, got 0.3"), "{err}");
 }
 
 #[test]

@@ -123,11 +123,16 @@ pub(super) fn records(number: u64, name: &str, trial: &Trial, mu: Option<f64>, w
     watched.seen.iter().map(of).collect()
 }
 
+/// Setting of a sweep whose ramps all take this long, s.
+pub const RAMP_S: &str = "ramp_s";
+
 /// The protocol.
 #[derive(Debug)]
 pub struct Ramps {
     seed: u64,
     trials_count: u64,
+    /// Duration of all ramps; None: as drawn.
+    ramp_s: Option<f64>,
     /// Trees by object, fitted without it.
     left_out: Option<BTreeMap<&'static str, EstimateTrees>>,
     /// Digest of their tables.
@@ -140,7 +145,13 @@ impl Ramps {
 
     /// The ramps of a seed.
     pub fn new(seed: u64, trials: Option<u64>) -> Self {
-        Ramps { seed, trials_count: trials.unwrap_or(TRIALS_COUNT), left_out: None, tables: String::new() }
+        let trials_count = trials.unwrap_or(TRIALS_COUNT);
+        Ramps { seed, trials_count, ramp_s: None, left_out: None, tables: String::new() }
+    }
+
+    /// The same ramps, all of one duration: whether a verdict depends on the rate of the load.
+    pub fn all_of_s(self, ramp_s: f64) -> Self {
+        Ramps { ramp_s: Some(ramp_s), ..self }
     }
 
     /// Each object is judged by trees that were fitted without it; `table` gives for an object's name the text of the
@@ -167,7 +178,8 @@ impl Ramps {
     }
 
     pub(super) fn trial(&self, number: u64) -> Result<Trial, EvalError> {
-        Ok(draw(self.seed, number).trial(self.seed, number, "")?)
+        let drawn = draw(self.seed, number);
+        Ok(Draw { ramp_s: self.ramp_s.unwrap_or(drawn.ramp_s), ..drawn }.trial(self.seed, number, "")?)
     }
 }
 
@@ -232,6 +244,7 @@ impl Protocol for Ramps {
 
     fn settings(&self) -> Vec<(String, String)> {
         let mut settings = vec![Restarts::Rivals.setting()];
+        settings.extend(self.ramp_s.map(|ramp_s| (RAMP_S.into(), ramp_s.to_string())));
         if self.left_out.is_some() {
             settings.push(("estimates".into(), "each object by trees fitted without it".into()));
             settings.push(("trees".into(), self.tables.clone()));
@@ -272,6 +285,22 @@ mod tests {
         let again = Ramps::new(0, None).left_out(parsed).expect("whole tables");
         assert_eq!(again.settings(), ramps.settings());
         assert_ne!(others.settings(), ramps.settings());
+    }
+
+    /// Nothing else changes with the duration, so that sweeps of two durations can be compared ramp by ramp.
+    #[test]
+    fn ramps_of_one_duration_differ_from_the_drawn_ones_in_nothing_else() {
+        let (drawn, slow) = (Ramps::new(5, None), Ramps::new(5, None).all_of_s(8.0));
+        for number in 0..20 {
+            let [drawn, slow] = [&drawn, &slow].map(|ramps| ramps.trial(number).expect("a trial"));
+            assert_eq!(slow.number("ramp_s"), 8.0);
+            let without = |trial: &Trial| {
+                let text = trial.to_string();
+                text.split('&').filter(|part| !part.starts_with("ramp_s=")).collect::<Vec<_>>().join("&")
+            };
+            assert_eq!(without(&drawn), without(&slow));
+        }
+        assert_ne!(drawn.settings(), slow.settings(), "another sweep");
     }
 
     #[test]

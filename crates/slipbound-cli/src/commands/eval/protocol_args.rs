@@ -54,6 +54,10 @@ pub(super) struct ProtocolArgs {
     /// With `ramps`: judge each object by the trees of FOLDER/OBJECT.txt, fitted without it (`fit_estimates --without`)
     #[arg(long, value_name = "FOLDER")]
     pub(super) left_out: Option<PathBuf>,
+    /// With `ramps`: how long every ramp takes until the load would make the object slide, 0.05 to 120 s [default: every
+    /// second one 1 s, the others 0.4 to 2 s]
+    #[arg(long, value_name = "SECONDS", value_parser = ramp_s)]
+    pub(super) ramp_s: Option<f64>,
 }
 
 /// Names of the protocols that simulate their trials.
@@ -77,6 +81,12 @@ fn shard(text: &str) -> Result<Shard, String> {
         Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of }),
         _ => Err(format!("expected I/N with I from 1 to N, as 2/8, got {text}")),
     }
+}
+
+/// Reads a duration within the range of the scene `ramp`.
+fn ramp_s(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds| (0.05..=120.0).contains(seconds));
+    seconds.ok_or_else(|| format!("expected 0.05 to 120 s, got {text}"))
 }
 
 /// Refuses an option that is given with another protocol than those it is made for.
@@ -113,11 +123,13 @@ impl ProtocolArgs {
         seed: u64,
         trials: Option<u64>,
         refit: bool,
+        ramp_s: Option<f64>,
     ) -> Result<Box<dyn Protocol>, Failure> {
         for (option, is_given, of) in [
             ("--refit", self.refit, &[Lifts::NAME][..]),
             ("--data", self.data.is_some(), &RECORDED),
             ("--left-out", self.left_out.is_some(), &[Ramps::NAME]),
+            ("--ramp-s", self.ramp_s.is_some(), &[Ramps::NAME]),
         ] {
             refuse_elsewhere(option, is_given, of, name)?;
         }
@@ -127,7 +139,11 @@ impl ProtocolArgs {
                 let clips = self.clips("gelsight-mini-wriggle")?;
                 Ok(Box::new(Wriggles::new(clips, finger("gelsight_mini_near")?, self.jobs())))
             }
-            Ramps::NAME if self.left_out.is_some() => Ok(Box::new(self.left_out(Ramps::new(seed, trials))?)),
+            Ramps::NAME => {
+                let ramps = Ramps::new(seed, trials);
+                let ramps = ramp_s.into_iter().fold(ramps, Ramps::all_of_s);
+                Ok(Box::new(if self.left_out.is_some() { self.left_out(ramps)? } else { ramps }))
+            }
             _ => simulated(name, seed, trials).map_err(Failure::arguments),
         }
     }
