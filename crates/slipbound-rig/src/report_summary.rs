@@ -44,7 +44,7 @@ impl ReportSummary {
             Reason::Dark { .. } => "dark",
             Reason::Torn => "torn",
             Reason::Gap { .. } => "after a gap",
-            Reason::MarkersLost => "with most markers lost",
+            Reason::MarkersLost => "with too many markers lost",
             Reason::MarkerSpacing { .. } => "with markers that do not stand a pitch apart",
             Reason::ContactQuality => "in poor contact",
         };

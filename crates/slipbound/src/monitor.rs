@@ -187,8 +187,8 @@ impl SlipMonitor {
             false => self.markers.track(&self.imprint, self.contact.state.touches, due.search),
             true => self.markers.track_again(&self.imprint, self.contact.state.touches),
         }
-        if self.markers.half_lost() && self.refusal.is_none() {
-            // Nothing of the finger is seen: what was known of the contact stays.
+        if self.markers.too_few() && self.refusal.is_none() {
+            // Too little of the finger is seen: what was known of the contact stays.
             if due.contact {
                 self.contact.forget_frame();
             }

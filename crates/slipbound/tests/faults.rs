@@ -249,7 +249,12 @@ fn a_frame_that_shows_nothing_of_the_finger_changes_nothing_that_is_known_of_its
             let from = rgb.len() / 5;
             rgb[from..].fill(120);
         });
-        for spoilt in [white, covered] {
+        // A part of the image that did not arrive.
+        let cut = reports_with(&|rgb| {
+            let from = rgb.len() * 3 / 5;
+            rgb[from..].fill(128);
+        });
+        for spoilt in [white, covered, cut] {
             assert_eq!(spoilt[15].reason, Some(Reason::MarkersLost), "{skin:?}");
             for (a, b) in whole.iter().zip(&spoilt).filter(|(_, b)| b.seq != 16) {
                 assert_eq!((a.state, a.reference_seq), (b.state, b.reference_seq), "{skin:?}, frame {}", a.seq);

@@ -25,7 +25,7 @@ fn parse(text: &str) -> Option<Reason> {
     const GAP: &str = "frames were missed, and which marker is which is not clear yet";
     match text {
         "torn frame" => return Some(Reason::Torn),
-        "more than half of the markers are lost" => return Some(Reason::MarkersLost),
+        "too many markers are lost" => return Some(Reason::MarkersLost),
         "contact too small or too weak to judge" => return Some(Reason::ContactQuality),
         GAP => return Some(Reason::Gap { since_ns: None }),
         _ => {}

@@ -55,7 +55,8 @@ pub enum Reason {
         /// Time since the last frame before the gap, ns; None where frames carry no times.
         since_ns: Option<u64>,
     },
-    /// Fewer than half of the markers that should be in view were found, or fewer than a quarter of all.
+    /// Fewer than half of the markers that should be in view were found, or fewer than a quarter of all; or three tenths
+    /// of them are missing since the frame before or that before it, as where a part of an image did not arrive.
     MarkersLost,
     /// The markers at rest do not stand the sensor's pitch apart, in rows and columns: this is another finger, or its
     /// image is mirrored differently from what the sensor file says. See
@@ -82,7 +83,7 @@ impl fmt::Display for Reason {
                 f.write_str("frames were missed, and which marker is which is not clear yet")?;
                 since_ns.map_or(Ok(()), |ns| write!(f, ", for {:.2} s", ns as f64 * 1e-9))
             }
-            Reason::MarkersLost => f.write_str("more than half of the markers are lost"),
+            Reason::MarkersLost => f.write_str("too many markers are lost"),
             Reason::MarkerSpacing { expected_px, got_px, fitting } => {
                 write!(
                     f,
