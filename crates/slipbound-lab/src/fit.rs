@@ -38,8 +38,8 @@ pub const GROSS: Fitting =
 
 /// Index of the load in the features: the first feature that needs the grip force.
 const LOAD: usize = GEOMETRIC_COUNT;
-/// Index of `moving`. It encodes how long a load has grown at its rate, and hence how much of a ramp to gross slip
-/// remains. A bottle that fills for ten seconds is no such ramp.
+/// Index of `moving`. Whether a load still grows tells trees how much of a ramp to gross slip remains. A bottle that fills
+/// for ten seconds is no such ramp.
 const MOVING: usize = 19;
 
 /// Least load feature and used fraction of a training frame: a frame with hardly any load contains no information on

@@ -64,6 +64,29 @@ fn a_load_raises_the_alarm_and_a_squeeze_does_not() {
     }
 }
 
+/// From images alone, nothing tells how large the load is that the gel carries; how fast it grows must not stand in for
+/// it. The margin is trusted when it has been small for 0.1 s.
+#[test]
+fn a_slow_load_is_not_taken_for_a_large_one() {
+    const AGREE_NS: u64 = 100_000_000;
+    let ramp = |ramp_s: f64| {
+        let seen = watch(
+            &format!("ramp?object=crayons_box&force_n=25&mu=0.5&direction_deg=10&ramp_s={ramp_s}&seed=3"),
+            false,
+            |sensor| sensor,
+        );
+        let (report, truth) = alarm(&seen).expect("it slides in the end");
+        assert_eq!(report.state, SlipState::Incipient, "{ramp_s} s");
+        let before = seen.iter().filter(|(_, t)| t.time_ns + AGREE_NS >= truth.time_ns && t.time_ns <= truth.time_ns);
+        let small = |r: &SlipReport| r.estimates.margin.is_some_and(|margin| margin.value <= 0.5);
+        let said: Vec<bool> = before.map(|(report, _)| small(report)).collect();
+        assert!(said.len() >= 4 && said.iter().all(|small| *small), "{ramp_s} s: {said:?}");
+        truth.load_fraction.expect("it slides")
+    };
+    let used = [0.5, 1.0, 8.0].map(ramp);
+    assert!(used.iter().all(|used| (0.3..0.8).contains(used)), "alarms at f = {used:?}");
+}
+
 /// Distance between the detected middle of the contact and that of the touching cells, mm, at the end of a trial.
 fn middle_off_mm(trial: &str, dilate_pitch: f64, drop_weak_pieces: bool) -> f64 {
     let mut world = world(trial);

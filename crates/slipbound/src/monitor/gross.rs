@@ -61,6 +61,10 @@ const REPORT_PROBABILITY: f64 = 0.97;
 /// the training split by more than two frames.
 const LEAST_USED: f64 = 0.5;
 
+/// From images alone, no slide begins where the markers have stood for so many frames, unless the imprint slides over
+/// them: at standstill the trees see little but noise.
+const STOOD_FRAMES: u32 = 3;
+
 /// Where too little of the imprint is visible: used fraction and stick ratio that alone indicate a slide, and in how
 /// many consecutive frames.
 const ALL_USED: f64 = 0.95;
@@ -207,7 +211,10 @@ impl GrossWatch {
                     true => (&self.trees.grip, ONSET_PROBABILITY, REPORT_PROBABILITY),
                     false => (&self.trees.alone, ONSET_PROBABILITY_ALONE, ONSET_PROBABILITY_ALONE),
                 };
-                let can_begin = !knows_grip || used >= LEAST_USED;
+                let can_begin = match knows_grip {
+                    true => used >= LEAST_USED,
+                    false => margin.age_frames < STOOD_FRAMES || input.evidence.is_some_and(|evidence| evidence.slides),
+                };
                 // Where a slide can neither begin nor continue, the trees are not evaluated.
                 let probability = match can_begin || self.moves {
                     true => 1.0 / (1.0 + libm::exp(-trees.at(features))),

@@ -12,8 +12,9 @@ use super::gross::{GrossInput, GrossWatch, LoadSample, SlideFeatures};
 use super::settings::Settings;
 use super::slip::SlipRule;
 
-/// The margin from images alone is less reliable: so many frames must agree.
-const ALONE_FRAMES_COUNT: u32 = 2;
+/// The margin from images alone is less reliable: two frames must agree, and all within this time, s. By a number of
+/// frames alone, slow loads and fast cameras would give errors of single frames more chances.
+const ALONE_AGREE_S: f64 = 0.1;
 
 /// Step 7, with its memory of the contact.
 #[derive(Debug, Clone)]
@@ -21,7 +22,9 @@ pub(super) struct Verdict {
     /// Under the rule `margin`: where the alarm begins and ends.
     alarm_and_clear_margin: Option<(f64, f64)>,
     uses_evidence: bool,
+    /// Frames in a row with a small margin, and the time of the first, s.
     small_margin_frames_count: u32,
+    small_margin_since_s: f64,
     gross: GrossWatch,
     /// Whether the rule `margin` is in alarm.
     pub alarmed: bool,
@@ -37,6 +40,7 @@ impl Verdict {
             alarm_and_clear_margin: (slip.rule == SlipRule::Margin).then_some(margins),
             uses_evidence: settings.evidence.used,
             small_margin_frames_count: 0,
+            small_margin_since_s: 0.0,
             gross: GrossWatch::new(),
             alarmed: false,
             slides: false,
@@ -97,8 +101,13 @@ impl Verdict {
             return;
         };
         let small = margin.value <= if self.alarmed { clear } else { alarm };
+        let (at_s, ..) = estimator.load_now();
+        if self.small_margin_frames_count == 0 {
+            self.small_margin_since_s = at_s;
+        }
         self.small_margin_frames_count = if small { self.small_margin_frames_count + u32::from(!repeats) } else { 0 };
-        let needed_count = if estimator.knows_grip() { 1 } else { ALONE_FRAMES_COUNT };
-        self.alarmed = small && (self.alarmed || self.small_margin_frames_count >= needed_count);
+        let agree = self.small_margin_frames_count >= 2 && at_s - self.small_margin_since_s >= ALONE_AGREE_S - 1e-9;
+        let sure = estimator.knows_grip() && self.small_margin_frames_count >= 1 || agree;
+        self.alarmed = small && (self.alarmed || sure);
     }
 }

@@ -28,7 +28,7 @@ pub const GEOMETRIC_COUNT: usize = 20;
 /// | `turning` | share of the rotation in the motion at mean radius |
 /// | `narrow` `wide` | standard deviations of the places of the markers along their main axes, in p |
 /// | `over_twentieth` | share of markers with s > 0.05 p |
-/// | `moving` | change of D in the last 0.18 s / (D + 0.013 p) |
+/// | `moving` | whether the contact moves: change of D in the last 0.18 s / (D + 0.013 p), at most 0.01 either way |
 /// | `load` | abs(F, T / mean radius) / (0.6 P), F and T from all markers |
 /// | `mean_shear` | abs(mean d) k A / (0.6 P) |
 /// | `residual_shear` | RMS s k A / (0.6 P) |

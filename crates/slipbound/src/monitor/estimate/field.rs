@@ -44,6 +44,10 @@ pub(super) struct FieldFacts {
 const LEAST_MOVE_FLOORS: f64 = 2.0;
 const MOVING_PITCH: f64 = 0.02;
 
+/// Most of `moving`. A contact that moves is told from one that stands, but for how long its load has grown is not: from
+/// that, trees infer how much of a ramp remains, and take slow loads for large ones.
+const MOST_MOVING: f64 = 0.01;
+
 /// Slip over this share of the rigid displacement and this many pitches counts in `over_fraction`; slip over this many
 /// pitches in `over_twentieth`.
 const OVER_RIGID_FRACTION: f64 = 0.1;
@@ -191,7 +195,7 @@ fn motion_of_contact(sums: &Sums, motion: &RigidMotion, facts: &FieldFacts, into
     let added_px = facts.before.map_or(0.0, |s| sums.rigid_px - s.rigid_px);
     into[NOISE] = sums.floor_px / (sums.rigid_px + sums.floor_px);
     into[TURNING] = turn_px / (motion.translation.length() + turn_px + TURNING_FLOORS * sums.floor_px);
-    into[MOVING] = added_px / (sums.rigid_px + sums.floor_px);
+    into[MOVING] = (added_px / (sums.rigid_px + sums.floor_px)).clamp(-MOST_MOVING, MOST_MOVING);
 }
 
 /// Load over motion. Returns the secant stiffness, px2; None while nothing has moved.

@@ -579,7 +579,14 @@ fn motion_is_told_from_standing() {
         estimator.see(Some(frame * 33_333_333), Some(GripSample { force_n: 10.0 }), AREA_PX2, None, &markers);
         seen[frame as usize] = estimator.features.unwrap_or([0.0; FEATURES_COUNT]);
     }
-    assert!(seen[38][moving] > 0.2 && seen[55][moving].abs() < 1e-9, "{} {}", seen[38][moving], seen[55][moving]);
+    // The pace of the pull does not show: three frames after its begin as at its end.
+    assert!(
+        seen[38][moving] == seen[23][moving] && seen[38][moving] > 0.0,
+        "{} {}",
+        seen[23][moving],
+        seen[38][moving]
+    );
+    assert!(seen[55][moving].abs() < 1e-9, "{}", seen[55][moving]);
     let (pulled, stood) = (seen[40][tangent], seen[55][tangent]);
     assert!(pulled > 0.1 && (stood / pulled - 1.0).abs() < 0.05, "{pulled}, then {stood}");
 }
