@@ -4,7 +4,7 @@
 //! within 0.05 px.
 
 use slipbound::image::Frame;
-use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};
+use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipState};
 use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next};
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
@@ -118,5 +118,6 @@ fn slip_never_begins_in_a_repeated_image() {
     assert!(onset.abs_diff(onset_twice) <= 1, "{once:?} {twice:?}");
     for pair in twice {
         assert!(pair[0].is_slip() || !pair[1].is_slip(), "{pair:?}: slip begins in a repeated image");
+        assert_eq!(pair.map(|state| state == SlipState::NoContact), [pair[0] == SlipState::NoContact; 2], "{pair:?}");
     }
 }

@@ -89,6 +89,10 @@ impl Probe for () {
     fn after(&mut self, _: Step, _: &SlipMonitor) {}
 }
 
+/// Longest time after which an equal image is a duplicate, ns: below the period of the slowest cameras at which the steps
+/// run in every frame.
+const DUPLICATE_NS: u64 = 25_000_000;
+
 /// Judges the frames of one finger. All memory is allocated by [`SlipMonitor::new`].
 #[derive(Debug, Clone)]
 pub struct SlipMonitor {
@@ -107,6 +111,8 @@ pub struct SlipMonitor {
     schedule: schedule::StepSchedule,
     reference_seq: u64,
     rebase_from: Option<u64>,
+    /// Time of the last image that is no duplicate, ns.
+    new_ns: Option<u64>,
     in_contact_count: u32,
     verdict: verdict::Verdict,
 }
@@ -139,6 +145,7 @@ impl SlipMonitor {
             ),
             reference_seq: rest.seq,
             rebase_from: None,
+            new_ns: None,
             in_contact_count: 0,
             verdict: verdict::Verdict::new(settings),
             imprint,
@@ -178,8 +185,9 @@ impl SlipMonitor {
         }
         probe.after(Step::Imprint, self);
 
+        let duplicate = self.is_duplicate(frame.time_ns);
         if due.contact {
-            self.contact.find(&self.imprint, &self.markers.all, frame.time_ns);
+            self.contact.find(&self.imprint, &self.markers.all, frame.time_ns, duplicate);
         }
         probe.after(Step::Contact, self);
 
@@ -225,7 +233,7 @@ impl SlipMonitor {
         self.evidence.take(frame, &self.imprint, &self.contact, &self.markers.all, due);
         probe.after(Step::Evidence, self);
 
-        self.estimate(frame, grip, area_px2);
+        self.estimate(frame, grip, area_px2, duplicate);
 
         let report = self.report(frame, grip);
         let by_markers = self.settings.slip.rule == SlipRule::Markers;
@@ -245,8 +253,20 @@ impl SlipMonitor {
         report
     }
 
+    /// Whether an image is the one before once more, because the frames come faster than the camera takes them: it tells
+    /// nothing new of the gel. Not so an image that still repeats after [`DUPLICATE_NS`]: without noise, a contact that
+    /// stands looks like that.
+    fn is_duplicate(&mut self, time_ns: Option<u64>) -> bool {
+        let since_ns = self.new_ns.zip(time_ns).and_then(|(then_ns, now_ns)| now_ns.checked_sub(then_ns));
+        let duplicate = self.imprint.repeats() && since_ns.is_some_and(|ns| ns < DUPLICATE_NS);
+        if !duplicate {
+            self.new_ns = time_ns;
+        }
+        duplicate
+    }
+
     /// Estimates of load and friction, and from them and the evidence whether there is an alarm or gross slip.
-    fn estimate(&mut self, frame: &Frame<'_>, grip: Option<GripSample>, area_px2: f64) {
+    fn estimate(&mut self, frame: &Frame<'_>, grip: Option<GripSample>, area_px2: f64, duplicate: bool) {
         // The scale of the score is that of a smooth gel: a weave shows little of an imprint.
         let held_from_start = self.evidence.starts_in_contact() && self.sensor.skin == Skin::Smooth;
         if !self.contact.state.touches {
@@ -261,7 +281,10 @@ impl SlipMonitor {
             self.estimator.count_from_rest();
         }
         self.estimator.set_imprint_slides(self.evidence.report.as_ref().is_some_and(|evidence| evidence.slides));
-        self.estimator.see(frame.time_ns, grip, area_px2, self.contact.state.middle_px, &self.markers.all);
+        // The grip may be new.
+        if !duplicate || grip.is_some() {
+            self.estimator.see(frame.time_ns, grip, area_px2, self.contact.state.middle_px, &self.markers.all);
+        }
         self.verdict.see(&mut self.estimator, &self.evidence, held_from_start, self.imprint.repeats());
         let by_margin = self.settings.slip.rule == SlipRule::Margin;
         if by_margin && self.estimator.has_reference() && !had_reference && !by_displacement {

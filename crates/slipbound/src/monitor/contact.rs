@@ -87,9 +87,10 @@ pub(super) struct ContactState {
 }
 
 impl ContactState {
-    /// Counts the frames in a row in which a contact may begin, and end.
-    fn count_frame(&mut self, above: bool, below: bool, time_ns: Option<u64>) {
-        self.frames_above_count = if above { self.frames_above_count + 1 } else { 0 };
+    /// Counts the frames in a row in which a contact may begin, and end. A `duplicate` is no other frame in which one
+    /// begins.
+    fn count_frame(&mut self, above: bool, below: bool, time_ns: Option<u64>, duplicate: bool) {
+        self.frames_above_count = if above { self.frames_above_count + u32::from(!duplicate) } else { 0 };
         self.frames_below_count = if below { self.frames_below_count + 1 } else { 0 };
         if !below {
             self.last_above_ns = time_ns;
@@ -165,8 +166,8 @@ impl Contact {
         }
     }
 
-    /// Finds the region in a frame. `markers`: as they were last seen.
-    pub(super) fn find(&mut self, imprint: &Imprint, markers: &[Marker], time_ns: Option<u64>) {
+    /// Finds the region in a frame. `markers`: as they were last seen; `duplicate`: whether the image is the one before.
+    pub(super) fn find(&mut self, imprint: &Imprint, markers: &[Marker], time_ns: Option<u64>, duplicate: bool) {
         std::mem::swap(&mut self.region, &mut self.before.0);
         self.before.1 = self.state;
         let ContactSettings { on_area_fraction, off_area_fraction, .. } = self.settings;
@@ -182,7 +183,8 @@ impl Contact {
         // Changes elsewhere do not belong to a contact that only displacement shows.
         let by_picture = seen || self.displaced.is_none();
         let share = self.share(if by_picture { changed.area_px2 } else { 0.0 });
-        self.state.count_frame(share > on_area_fraction, share < off_area_fraction, time_ns);
+        let (above, below) = (share > on_area_fraction, share < off_area_fraction);
+        self.state.count_frame(above, below, time_ns, duplicate);
         let missed = self.is_missed(share.max(self.share(changed.small_px2)), time_ns);
         self.update_state(seen, missed, share);
         let as_at_start = self.state.held_unseen && self.is_as_at_start();

@@ -11,10 +11,14 @@ use super::evidence::Evidence;
 use super::gross::{GrossInput, GrossWatch, LoadSample, SlideFeatures};
 use super::settings::Settings;
 use super::slip::SlipRule;
+use crate::smoothing;
 
-/// The margin from images alone is less reliable: two frames must agree, and all within this time, s. By a number of
-/// frames alone, slow loads and fast cameras would give errors of single frames more chances.
-const ALONE_AGREE_S: f64 = 0.1;
+/// The margin from images alone is less reliable: its mean with this time constant, s, must be small, and two frames in a
+/// row. By frames alone, slow loads and fast cameras would give the errors of single frames more chances.
+const ALONE_MEAN_S: f64 = 0.08;
+const ALONE_FRAMES_COUNT: u32 = 2;
+/// Largest time step of that mean, s, for a frame after a gap.
+const ALONE_STEP_S: f64 = 0.1;
 
 /// Step 7, with its memory of the contact.
 #[derive(Debug, Clone)]
@@ -22,9 +26,10 @@ pub(super) struct Verdict {
     /// Under the rule `margin`: where the alarm begins and ends.
     alarm_and_clear_margin: Option<(f64, f64)>,
     uses_evidence: bool,
-    /// Frames in a row with a small margin, and the time of the first, s.
     small_margin_frames_count: u32,
-    small_margin_since_s: f64,
+    /// Mean of the margin, and the time of its last value, s.
+    mean_margin: f64,
+    mean_at_s: Option<f64>,
     gross: GrossWatch,
     /// Whether the rule `margin` is in alarm.
     pub alarmed: bool,
@@ -40,7 +45,8 @@ impl Verdict {
             alarm_and_clear_margin: (slip.rule == SlipRule::Margin).then_some(margins),
             uses_evidence: settings.evidence.used,
             small_margin_frames_count: 0,
-            small_margin_since_s: 0.0,
+            mean_margin: 1.0,
+            mean_at_s: None,
             gross: GrossWatch::new(),
             alarmed: false,
             slides: false,
@@ -81,6 +87,7 @@ impl Verdict {
         evidence: &Evidence,
     ) {
         (self.alarmed, self.small_margin_frames_count) = (false, 0);
+        (self.mean_margin, self.mean_at_s) = (1.0, None);
         if !may_be_held {
             estimator.clear();
             self.gross.clear();
@@ -100,14 +107,19 @@ impl Verdict {
         let Some(((alarm, clear), margin)) = self.alarm_and_clear_margin.zip(estimator.estimates.margin) else {
             return;
         };
-        let small = margin.value <= if self.alarmed { clear } else { alarm };
-        let (at_s, ..) = estimator.load_now();
-        if self.small_margin_frames_count == 0 {
-            self.small_margin_since_s = at_s;
+        if !repeats {
+            let (at_s, ..) = estimator.load_now();
+            let elapsed_s = self.mean_at_s.replace(at_s).map_or(ALONE_STEP_S, |before_s| at_s - before_s);
+            let share = smoothing::weight(elapsed_s.min(ALONE_STEP_S), ALONE_MEAN_S);
+            self.mean_margin += share * (margin.value - self.mean_margin);
         }
+        let most = if self.alarmed { clear } else { alarm };
+        let small = margin.value <= most;
         self.small_margin_frames_count = if small { self.small_margin_frames_count + u32::from(!repeats) } else { 0 };
-        let agree = self.small_margin_frames_count >= 2 && at_s - self.small_margin_since_s >= ALONE_AGREE_S - 1e-9;
-        let sure = estimator.knows_grip() && self.small_margin_frames_count >= 1 || agree;
-        self.alarmed = small && (self.alarmed || sure);
+        self.alarmed = match estimator.knows_grip() {
+            true => small && (self.alarmed || self.small_margin_frames_count >= 1),
+            false if self.alarmed => self.mean_margin <= most,
+            false => !repeats && self.mean_margin <= most && self.small_margin_frames_count >= ALONE_FRAMES_COUNT,
+        };
     }
 }
