@@ -61,9 +61,9 @@ const REPORT_PROBABILITY: f64 = 0.97;
 /// the training split by more than two frames.
 const LEAST_USED: f64 = 0.5;
 
-/// From images alone, no slide begins where the markers have stood for so many frames, unless the imprint slides over
-/// them: at standstill the trees see little but noise.
-const STOOD_FRAMES: u32 = 3;
+/// From images alone, no slide begins where the gel has moved by less than this in the longest window, pitches, unless the
+/// imprint slides over it: at standstill the trees see little but noise. A load that takes 8 s moves it by 0.02.
+const STANDS_PITCH: f64 = 0.01;
 
 /// Where too little of the imprint is visible: used fraction and stick ratio that alone indicate a slide, and in how
 /// many consecutive frames.
@@ -213,7 +213,11 @@ impl GrossWatch {
                 };
                 let can_begin = match knows_grip {
                     true => used >= LEAST_USED,
-                    false => margin.age_frames < STOOD_FRAMES || input.evidence.is_some_and(|evidence| evidence.slides),
+                    false => {
+                        let moved_pitch =
+                            input.recent.map_or(0.0, |recent| recent.windows[WINDOWS_S.len() - 1].gel_pitch);
+                        moved_pitch >= STANDS_PITCH || input.evidence.is_some_and(|evidence| evidence.slides)
+                    }
                 };
                 // Where a slide can neither begin nor continue, the trees are not evaluated.
                 let probability = match can_begin || self.moves {
