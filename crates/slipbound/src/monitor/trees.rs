@@ -11,6 +11,9 @@ const MOST_DEPTH: u32 = 12;
 const MOST_FEATURES: usize = 64;
 const MOST_THRESHOLDS: usize = 255;
 
+/// Trees whose leaves are read together, once all are found: each is a cache miss, and so the misses overlap.
+const BLOCK: usize = 64;
+
 /// Split i continues with split 2 i + 1 where the feature is at most the threshold, else with 2 i + 2; the leaves
 /// follow the last splits.
 ///
@@ -119,15 +122,24 @@ impl Ensemble {
             *passed = thresholds.partition_point(|threshold| value > f64::from(*threshold)) as u8;
         }
         let leaves_count = 1 << self.depth;
-        let trees = self.splits.chunks_exact(leaves_count - 1).zip(self.leaves.chunks_exact(leaves_count));
-        trees.fold(self.base, |sum, (splits, leaves)| {
-            let mut at = 0;
-            for _ in 0..self.depth {
-                let Split { feature, threshold } = splits[at];
-                at = 2 * at + 1 + usize::from(passed[usize::from(feature)] > threshold);
+        let splits_count = leaves_count - 1;
+        let blocks = self.splits.chunks(BLOCK * splits_count).zip(self.leaves.chunks(BLOCK * leaves_count));
+        let mut sum = self.base;
+        for (splits, leaves) in blocks {
+            let mut reached = [0; BLOCK];
+            for (reached, splits) in reached.iter_mut().zip(splits.chunks_exact(splits_count)) {
+                let mut at = 0;
+                for _ in 0..self.depth {
+                    let Split { feature, threshold } = splits[at];
+                    at = 2 * at + 1 + usize::from(passed[usize::from(feature)] > threshold);
+                }
+                *reached = at - splits_count;
             }
-            sum + f64::from(leaves[at - splits.len()])
-        })
+            for (leaves, reached) in leaves.chunks_exact(leaves_count).zip(reached) {
+                sum += f64::from(leaves[reached]);
+            }
+        }
+        sum
     }
 
     /// Number of trees.
@@ -149,6 +161,11 @@ mod tests {
         let of = [[0.5, 1.5], [0.5, 1.6], [0.6, 2.5], [0.6, 2.6], [9.1, 0.0]].map(|features| deep.at(&features));
         assert_eq!(of, [11.0, 12.0, 13.0, 14.0, 43.0]);
         assert_eq!([flat.trees_count(), deep.trees_count()], [1, 2]);
+        // More trees than one block.
+        let stumps = (1..=3 * BLOCK / 2).fold("ensemble many 0".to_owned(), |text, k| format!("{text}\n0:{k} 0 {k}"));
+        let [many] = parse(&stumps, ["many"], 1).expect("as described");
+        let sum_to = |k: usize| (k * (k + 1) / 2) as f64;
+        assert_eq!([many.at(&[90.5]), many.at(&[1e3])], [sum_to(90), sum_to(3 * BLOCK / 2)]);
     }
 
     #[test]
