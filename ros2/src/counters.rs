@@ -92,7 +92,7 @@ impl FingerCounters {
         let (p50, p99) = (quantile(0.5), quantile(0.99));
         self.latencies_ns.clear();
         let (level, message) = match () {
-            _ if !self.has_rest && self.received_count == 0 => (3, "no picture yet".to_owned()),
+            _ if !self.has_rest && self.received_count == 0 => (3, "no image yet".to_owned()),
             _ if !self.has_rest => (1, "the rest frame is not known yet".to_owned()),
             _ if received_count == 0 || (lifecycle == State::Active && reports_count == 0) => {
                 (3, "no pictures".to_owned())

@@ -85,7 +85,7 @@ impl Finger {
                 Ok(())
             }
             Some(SlipState::Unjudged) => {
-                Err("expected a finger at rest, got a picture that could not be judged".into())
+                Err("expected a finger at rest, got an image that could not be judged".into())
             }
             Some(_) => Err("expected a finger that nothing touches, got one in contact".into()),
         }

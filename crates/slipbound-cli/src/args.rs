@@ -52,7 +52,7 @@ pub enum Command {
     Eval(Eval),
     /// Make every figure and table of the paper from simulated frames, on one page
     Paper(Paper),
-    /// Make the sensor file of an unknown finger from a picture of it at rest
+    /// Make the sensor file of an unknown finger from an image of it at rest
     Calibrate(Calibrate),
     /// Save the finger at rest in a file, for `--rest FILE` of later commands
     Tare(Tare),

@@ -12,7 +12,7 @@ const NARROW: usize = 80;
 const EXIT_CODES: &str = "Exit codes:
   0  done
   1  failed on the way, or interrupted; what was written so far is kept
-  2  what was asked for cannot be: arguments, settings, nothing to read
+  2  invalid request: wrong arguments or settings, or nothing to read
   3  finished, but frames were torn or of another size, or something could not be written";
 
 /// Examples by command: the command line after `slipbound`, and what it does.
@@ -95,7 +95,7 @@ const EXAMPLES: [(&str, &[(&str, &str)]); 31] = [
     (
         "calibrate",
         &[
-            ("calibrate photo.jpg -o finger.toml --pitch-mm 1.5", "a picture at rest"),
+            ("calibrate photo.jpg -o finger.toml --pitch-mm 1.5", "an image at rest"),
             ("calibrate rest.mcap -o finger.toml --polarity dark", "a recording"),
             ("calibrate hang.mcap -o stiff.toml --sensor soft.toml --weight-g 200", ""),
         ],

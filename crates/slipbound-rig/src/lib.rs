@@ -3,16 +3,18 @@
 //! | what | where |
 //! |---|---|
 //! | recordings and cameras as frames: image folders, videos, MCAP, V4L2, MJPEG over HTTP | [`source`] |
+//! | cameras, serial lines and supported grippers of this computer | [`devices`] |
 //! | built-in sensors, and files for others | [`sensors`] |
 //! | a calibration as a sensor file and an image | [`calibration`] |
 //! | settings files and their error messages | [`config`] |
 //! | which fingers a hand has and how they are mounted | [`config::hand`] |
 //! | a saved rest frame | [`rest_file`] |
 //! | reports as JSON lines | [`report_json`] |
-//! | report summaries in text | [`report_summary`] |
+//! | reports as a table, slips as lines, summaries as text | [`report_csv`], [`report_slips`], [`report_summary`] |
 //! | how long each step takes | [`timings`] |
 //! | overlay images of the results | [`overlay`] |
 //! | Motion-JPEG AVI files | [`avi_writer`] |
+//! | files of complete lines; whether a file is ours to replace | [`line_file`], [`file_origin`] |
 //! | the control loop in real time | [`realtime`] |
 //! | recordings in one file: frames as they came, reports, settings | `container` |
 //! | run folder and page of a closed loop, and its replay | [`run`] |

@@ -354,6 +354,9 @@ impl Mask {
 
     /// Parses a text drawing of `.` (clear) and any other character (set), one line per row: the form in which tests
     /// write masks.
+    ///
+    /// # Panics
+    /// If the lines differ in length.
     pub fn from_picture(picture: &str) -> Self {
         let rows: Vec<&str> = picture.lines().map(str::trim).filter(|l| !l.is_empty()).collect();
         let width = rows.first().map_or(0, |r| r.len());

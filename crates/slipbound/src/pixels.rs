@@ -1,4 +1,4 @@
-//! Every loop over pixels of the project, one kernel per file. Plain functions on borrowed buffers; nothing allocates
+//! Every loop over pixels of this crate, one kernel per file. Plain functions on borrowed buffers; nothing allocates
 //! after the scratch memory of a kernel has been made.
 
 pub mod background;
@@ -23,6 +23,7 @@ pub mod gaussian;
 pub mod grey;
 mod lanes;
 pub mod mean;
+pub mod mirror;
 pub mod morphology;
 pub mod patch;
 mod runs;

@@ -104,7 +104,7 @@ impl Calibrate {
         }
         let flip = sensor.flip;
         terminal.say(&match self.flip {
-            Some(_) => format!("flip = \"{flip}\", as stated: the camera's picture is mirrored back"),
+            Some(_) => format!("flip = \"{flip}\", as stated: the camera's image is mirrored back"),
             None => format!(
                 "flip = \"{flip}\" assumed: the picture is taken as delivered; a mirrored grid looks the same, so say --flip \
                  if it is mirrored"
@@ -187,7 +187,7 @@ impl Calibrate {
                 self.source
             ))),
             (None, true) => Err(Failure::Arguments(anyhow!(
-                "{}: expected pictures of a finger, got no whole frame ({torn_count} torn{first_torn})",
+                "{}: expected images of a finger, got no whole frame ({torn_count} torn{first_torn})",
                 self.source
             ))),
         }

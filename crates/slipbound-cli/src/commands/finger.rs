@@ -8,7 +8,7 @@ use slipbound::sensor::Sensor;
 use slipbound_rig::sensors;
 
 /// Added to messages about upright frames where the finger's are wide.
-pub const TURNED: &str = "; are the pictures turned by 90 degrees?";
+pub const TURNED: &str = "; are the images turned by 90 degrees?";
 
 /// The requested finger, else that of the scene, that of `sensor.toml` beside the frames, that in an MCAP recording,
 /// the one of the rest frame `saved` under a name, or the only built-in one whose frames have exactly this size; with a

@@ -55,15 +55,34 @@ fn fractions(records: &[&TrialRecord]) -> Vec<f64> {
 
 /// The tables of all ramps; `prefix` starts their titles.
 pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
-    let title = |title: &str| format!("{prefix}{title}");
-    let mut alarms = Table::new(
-        &title("Alarms"),
+    let mut alarms = alarm_table(prefix, &left_out_note(records));
+    let mut errors = error_table(prefix);
+    let mut directions = direction_table(prefix);
+    let mut gross = gross_table(prefix);
+    for name in names(records) {
+        let all = sliding(records, name);
+        if all.is_empty() {
+            continue;
+        }
+        alarms.rows.push(alarm_row(name, &all));
+        if !DETECTORS.iter().any(|entry| entry.name == name && entry.is_ours()) {
+            continue;
+        }
+        errors.rows.push(error_row(name, &all));
+        directions.rows.push(direction_row(name, &all));
+        gross.rows.push(gross_row(name, &all));
+    }
+    vec![alarms, errors, directions, gross]
+}
+
+fn alarm_table(prefix: &str, note: &str) -> Table {
+    Table::new(
+        &format!("{prefix}Alarms"),
         &format!(
-            "Before gross slip: the first alarm came before it. False: at f < {FALSE_BELOW_FRACTION}, while gripping included for ours. f of all \
-             alarms before gross slip, false ones among them; lead of the same on ramps of 1 s, from the exposure of the frame, no latency taken off. AUC: the highest \
-             score before gross slip against the highest at f < {FALSE_BELOW_FRACTION}. Coverage: share of the loaded frames that \
-             were decided.{}",
-            left_out_note(records)
+            "Before gross slip: the first alarm came before it. False: at f < {FALSE_BELOW_FRACTION}, for ours also while the grip rises before the \
+             load. f of all alarms before gross slip, false ones among them; lead of the same on ramps of 1 s, from the exposure of the frame, \
+             without processing time. AUC: the highest score before gross slip against the highest at f < {FALSE_BELOW_FRACTION}. Coverage: share of \
+             the loaded frames that were decided.{note}"
         ),
         &[
             "detector",
@@ -77,12 +96,35 @@ pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
             "coverage %",
             "AUC",
         ],
-    );
-    let mut exact = Table::new(
-        &title("Exactness"),
+    )
+}
+
+fn alarm_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
+    let f = fractions(all);
+    let mut one_s = alarmed(all);
+    one_s.retain(|r| r.number_of("ramp_s") == Some(1.0));
+    let leads = numbers(&one_s, "lead_ms");
+    let sum = |key: &str| numbers(all, key).iter().sum::<f64>() as u64;
+    vec![
+        name.into(),
+        Cell::Count(all.len() as u64),
+        Cell::Share(before_gross(all)),
+        Cell::Share(is_false(all)),
+        Cell::Number(median(&f), 3),
+        Cell::Number(quantile(&f, 0.95), 3),
+        Cell::Number(median(&leads), 0),
+        Cell::Number(quantile(&leads, 0.05), 0),
+        Cell::Share(share(sum("decided_frames"), sum("loaded_frames"))),
+        Cell::Number(auc(&all.iter().map(|r| r.score).collect::<Vec<f64>>(), &numbers(all, SCORE_BELOW)), 3),
+    ]
+}
+
+fn error_table(prefix: &str) -> Table {
+    Table::new(
+        &format!("{prefix}Estimation errors"),
         "Mean over ramps of the mean absolute error of stick ratio and margin, on frames with f >= 0.1 and the grip steady for 0.2 s; shear and torque: \
-         root mean square error over the loaded frames over the value at gross slip; friction: median relative error once f > 0.3. Last: in how many \
-         ramps each of the five is known.",
+         root mean square error over the loaded frames over the value at gross slip; friction: median relative error once f > 0.3. Last: number of \
+         ramps with an estimate of stick ratio, margin, shear, torque and friction.",
         &[
             "detector",
             "ramps",
@@ -91,62 +133,12 @@ pub(super) fn tables(records: &[TrialRecord], prefix: &str) -> Vec<Table> {
             "shear %",
             "torque %",
             "friction %, median",
-            "known in ramps",
+            "ramps with an estimate",
         ],
-    );
-    let mut slip = Table::new(
-        &title("Kind and direction"),
-        "At the first alarm, against the motion of the object since the load began.",
-        &["detector", "alarms", "kind right %", "direction error deg, median", "95th pct", "sense of rotation right %"],
-    );
-    let mut gross = Table::new(
-        &title("Gross"),
-        "Said: in how many ramps at all, which go on for two frames after gross slip, and until the object has slid by 3 mm. Delay from the first frame after it. False: said below f 0.8.",
-        &["detector", "ramps", "said %", "delay frames, median", "within 2 frames %", "kept %", "false %"],
-    );
-    for name in names(records) {
-        let all = sliding(records, name);
-        if all.is_empty() {
-            continue;
-        }
-        let (count, f) = (Cell::Count(all.len() as u64), fractions(&all));
-        let mut one_s = alarmed(&all);
-        one_s.retain(|r| r.number_of("ramp_s") == Some(1.0));
-        let leads = numbers(&one_s, "lead_ms");
-        let sum = |key: &str| numbers(&all, key).iter().sum::<f64>() as u64;
-        alarms.rows.push(vec![
-            name.into(),
-            count.clone(),
-            Cell::Share(before_gross(&all)),
-            Cell::Share(is_false(&all)),
-            Cell::Number(median(&f), 3),
-            Cell::Number(quantile(&f, 0.95), 3),
-            Cell::Number(median(&leads), 0),
-            Cell::Number(quantile(&leads, 0.05), 0),
-            Cell::Share(share(sum("decided_frames"), sum("loaded_frames"))),
-            Cell::Number(auc(&all.iter().map(|r| r.score).collect::<Vec<f64>>(), &numbers(&all, SCORE_BELOW)), 3),
-        ]);
-        if !DETECTORS.iter().any(|entry| entry.name == name && entry.is_ours()) {
-            continue;
-        }
-        exact.rows.push(exactness(name, &all));
-        let alarmed: Vec<&TrialRecord> = all.iter().copied().filter(|r| r.more.contains_key("kind_true")).collect();
-        let kind = share_of(alarmed.iter().map(|r| r.word_of("kind_true") == r.word_of("kind_said")));
-        let apart = numbers(&alarmed, "direction_error_deg");
-        slip.rows.push(vec![
-            name.into(),
-            Cell::Count(alarmed.len() as u64),
-            Cell::Share(kind),
-            Cell::Number(median(&apart), 1),
-            Cell::Number(quantile(&apart, 0.95), 1),
-            Cell::Share(flags(&alarmed, "sense_right")),
-        ]);
-        gross.rows.push(gross_row(name, &all));
-    }
-    vec![alarms, exact, slip, gross]
+    )
 }
 
-fn exactness(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
+fn error_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
     let mean_of = |key: &str| mean(&numbers(all, key));
     let known =
         ["stick_error", "margin_error", "shear_error_fraction", "torque_error_fraction", "friction_error_fraction"]
@@ -161,6 +153,37 @@ fn exactness(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
         Cell::Share(median(&numbers(all, "friction_error_fraction"))),
         known.join(", ").into(),
     ]
+}
+
+fn direction_table(prefix: &str) -> Table {
+    Table::new(
+        &format!("{prefix}Kind and direction"),
+        "At the first alarm, against the motion of the object since the load began.",
+        &["detector", "alarms", "kind right %", "direction error deg, median", "95th pct", "sense of rotation right %"],
+    )
+}
+
+fn direction_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
+    let alarmed: Vec<&TrialRecord> = all.iter().copied().filter(|r| r.more.contains_key("kind_true")).collect();
+    let kind = share_of(alarmed.iter().map(|r| r.word_of("kind_true") == r.word_of("kind_said")));
+    let apart = numbers(&alarmed, "direction_error_deg");
+    vec![
+        name.into(),
+        Cell::Count(alarmed.len() as u64),
+        Cell::Share(kind),
+        Cell::Number(median(&apart), 1),
+        Cell::Number(quantile(&apart, 0.95), 1),
+        Cell::Share(flags(&alarmed, "sense_right")),
+    ]
+}
+
+fn gross_table(prefix: &str) -> Table {
+    Table::new(
+        &format!("{prefix}Gross"),
+        "Reported: share of the ramps with a report of gross slip; they go on for two frames after it, and until the object has slid by 3 mm. Delay \
+         from the first frame after gross slip. False: reported below f 0.8.",
+        &["detector", "ramps", "reported %", "delay frames, median", "within 2 frames %", "kept %", "false %"],
+    )
 }
 
 /// A row about `gross`: reported, delay, kept, false.

@@ -101,7 +101,7 @@ pub const HAND_KEYS: &[HandKey] = &[
     key("fingers", Kind::Count(1, 2), "2", "fingers with a camera; there are always two"),
     key("grid", Kind::Word(&["standard", "fast"]), "fast", "cells of the gel: 96x72 or 64x48"),
     key("camera", Kind::Word(&["gelslim", "gelsight_mini"]), "gelslim", "camera model"),
-    key("height_px", Kind::Count(240, 960), "480", "rows of a picture, its width 4/3 of them"),
+    key("height_px", Kind::Count(240, 960), "480", "rows of an image, its width 4/3 of them"),
     key("surroundings", Kind::Word(&SURROUNDINGS), "camera", "around the gels; camera: as the camera has them"),
     key("jpeg_quality", Kind::Count(30, 100), "85", "of the frames"),
     key("fault", Kind::Faults, "none", "faults of the cameras, as drop=0.02,torn=0.01"),

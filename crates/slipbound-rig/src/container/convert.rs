@@ -345,7 +345,7 @@ pub fn to_folder(file: &Path, folder: &Path) -> Result<Converted, ConvertError> 
                     }
                     (None, foxglove::COMPRESSED, Some(finger)) => {
                         let read = foxglove::read(foxglove::COMPRESSED, &data);
-                        let picture = read.ok_or_else(|| out.encode("expected a picture, got bytes that are none"))?;
+                        let picture = read.ok_or_else(|| out.encode("expected an image, got bytes that are none"))?;
                         out.frame(finger, u64::from(header.sequence), picture.bytes)?;
                         converted.frames_count += 1;
                     }

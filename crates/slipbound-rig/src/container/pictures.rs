@@ -29,7 +29,7 @@ pub fn read(schema: &str, encoding: &str, message: &[u8], into: &mut FrameBuffer
     }
     let (width, height) = picture.size;
     if !(1..=MAX_SIDE_PX).contains(&width) || !(1..=MAX_SIDE_PX).contains(&height) {
-        return Err(format!("expected a picture of 1 to {MAX_SIDE_PX} px, got {width}x{height}"));
+        return Err(format!("expected an image of 1 to {MAX_SIDE_PX} px, got {width}x{height}"));
     }
     into.size = SizePx::new(width as usize, height as usize);
     if picture.row_bytes > 16 * MAX_SIDE_PX {

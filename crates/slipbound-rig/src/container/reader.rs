@@ -48,7 +48,7 @@ impl McapSource {
         let names: Vec<String> = topics.iter().cloned().collect();
         let topic = match (names.len(), survey.broken) {
             (1, _) => topics.into_iter().next(),
-            (0, Some(why)) => return Err(wrong(format!("expected topics with pictures, got none before {why}"))),
+            (0, Some(why)) => return Err(wrong(format!("expected topics with images, got none before {why}"))),
             _ => None,
         };
         let Some(topic) = topic else {

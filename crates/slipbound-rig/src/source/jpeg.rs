@@ -73,7 +73,7 @@ fn layout(bytes: &[u8]) -> Result<Layout, String> {
         match code {
             0xFF => at += 1,               // fill byte
             0x01 | 0xD0..=0xD8 => at += 2, // markers without a length
-            0xD9 => return Err("JPEG ends before its picture".into()),
+            0xD9 => return Err("JPEG ends before its image".into()),
             0xDA => {
                 let ends = bytes[at..].windows(2).any(|pair| pair == [0xFF, 0xD9]);
                 return Ok(Layout { scan: at, has_huffman_tables, ends });

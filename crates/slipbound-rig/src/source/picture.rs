@@ -24,9 +24,8 @@ pub fn decode(into: &mut FrameBuffer) -> Result<(), String> {
 /// Encodes `into.pixels` as a PNG into `into.encoded`, fast rather than small; the error says why that fails.
 pub(super) fn encode(into: &mut FrameBuffer) -> Result<(), String> {
     let text = |e: png::EncodingError| format!("PNG: {e}");
-    let side = |px: usize| {
-        u32::try_from(px).map_err(|_| format!("PNG: expected a picture of fewer pixels, got {}", into.size))
-    };
+    let side =
+        |px: usize| u32::try_from(px).map_err(|_| format!("PNG: expected an image of fewer pixels, got {}", into.size));
     let mut encoded = std::mem::take(&mut into.encoded);
     let mut encoder = png::Encoder::new(&mut encoded, side(into.size.width)?, side(into.size.height)?);
     encoder.set_color(match into.format {

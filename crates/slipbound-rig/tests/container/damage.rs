@@ -19,7 +19,7 @@ fn a_file_that_is_cut_anywhere_gives_what_came_before_and_says_so() {
         fs::write(&part, &whole[..cut]).expect("writes");
         let shown = part.to_str().expect("UTF-8");
         match source::open(shown) {
-            Err(e) => assert!(e.to_string().contains("expected topics with pictures"), "{e}"),
+            Err(e) => assert!(e.to_string().contains("expected topics with images"), "{e}"),
             Ok(_) => {
                 let (seen, said) = drain(shown);
                 assert!(judged.starts_with(&seen), "cut at {cut}: {seen:?} of {judged:?}");

@@ -100,7 +100,7 @@ impl fmt::Display for CalibrationError {
         match self {
             CalibrationError::NoPicture { frames_count } => write!(
                 f,
-                "no picture to calibrate from: expected a lit finger at rest, got {frames_count} frames, all of them dark"
+                "no image to calibrate from: expected a lit finger at rest, got {frames_count} frames, all of them dark"
             ),
             CalibrationError::Sizes { expected, got } => {
                 write!(f, "frames of different size: expected {expected} as the first, got {got}")

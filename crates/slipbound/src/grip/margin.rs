@@ -193,7 +193,7 @@ fn doubt(cut_fraction: f64) -> f64 {
 #[derive(Debug, Clone, Copy)]
 struct StoppedSlide {
     /// Minimum holding force in the last cycle of the slide, N.
-    least_n: f64,
+    holding_n: f64,
     /// Force commanded in that cycle, N.
     force_n: f64,
 }
@@ -208,9 +208,9 @@ pub struct Margin {
     /// Since when this force has been decided, ns and N.
     stands: Option<(u64, f64)>,
     /// Averaged minimum holding force, N: the force at which the object would slide.
-    least_n: Option<f64>,
+    holding_n: Option<f64>,
     /// Its average over [`STANDS_S`], N.
-    before_n: f64,
+    slow_holding_n: f64,
     margin: Option<f64>,
     /// The largest number of fingers with a margin at a time, since the hand last held nothing.
     margins_most: u32,
@@ -234,8 +234,8 @@ impl Margin {
             force_n: limits.start_n,
             last_ns: None,
             stands: None,
-            least_n: None,
-            before_n: 0.0,
+            holding_n: None,
+            slow_holding_n: 0.0,
             margin: None,
             margins_most: 0,
             stopped: None,
@@ -257,14 +257,14 @@ impl Margin {
 
     /// Minimum holding force, averaged, because a single frame is noisy. It does not depend on the grip. It does not
     /// fall while a finger is missing (`misses`): the other fingers cannot measure the load on that finger.
-    fn least_n(&mut self, used: f64, pressed_n: f64, elapsed_s: f64, misses: bool) -> f64 {
+    fn update_holding_n(&mut self, used: f64, pressed_n: f64, elapsed_s: f64, misses: bool) -> f64 {
         let limit_n = used * pressed_n;
         let average_s = self.settings.average_ns as f64 * 1e-9;
         let share = if average_s > 0.0 { smoothing::weight(elapsed_s, average_s) } else { 1.0 };
-        let before_n = self.least_n.unwrap_or(limit_n);
+        let before_n = self.holding_n.unwrap_or(limit_n);
         let now_n = if misses { limit_n.max(before_n) } else { limit_n };
         let average_n = before_n + share * (now_n - before_n);
-        self.least_n = Some(average_n);
+        self.holding_n = Some(average_n);
         if used >= self.settings.urgent_fraction { now_n.max(average_n) } else { average_n }
     }
 
@@ -305,7 +305,7 @@ impl Margin {
 impl GripController for Margin {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
         if self.last_ns.is_some_and(|last_ns| now_ns.saturating_sub(last_ns) > LONGEST_GAP_NS) {
-            (self.least_n, self.before_n) = (None, 0.0);
+            (self.holding_n, self.slow_holding_n) = (None, 0.0);
         }
         let elapsed_s = step_s(self.last_ns.replace(now_ns), now_ns);
         self.count_alarm(hand, gripper);
@@ -320,29 +320,29 @@ impl GripController for Margin {
         self.unsure_from_n = None;
         let doubt = doubt(hand.cut_fraction);
         let target = self.settings.target(hand.friction, doubt);
-        let least_n = self.least_n(used, pressed_n, elapsed_s, misses);
-        let used = least_n / pressed_n;
+        let holding_n = self.update_holding_n(used, pressed_n, elapsed_s, misses);
+        let used = holding_n / pressed_n;
         self.margin = Some((1.0 - used).clamp(0.0, 1.0));
         let raised_n = self.force_n + self.settings.raise_n_per_s * elapsed_s;
-        let wanted_n = least_n / target;
+        let wanted_n = holding_n / target;
         // What slides under the force that should hold it needs more, however much of it the gripper reads.
         let wanted_n = if gross && wanted_n <= self.force_n { raised_n } else { wanted_n };
-        let grows = least_n > (1.0 + GROWN_FRACTION) * self.before_n + GROWN_N;
-        self.before_n += smoothing::weight(elapsed_s, STANDS_S) * (least_n - self.before_n);
+        let grows = holding_n > (1.0 + GROWN_FRACTION) * self.slow_holding_n + GROWN_N;
+        self.slow_holding_n += smoothing::weight(elapsed_s, STANDS_S) * (holding_n - self.slow_holding_n);
         let release_n = self.settings.release_n(self.force_n, wanted_n, elapsed_s);
-        self.stopped = self.stopped.filter(|stopped| least_n > LOAD_FALLEN_FRACTION * stopped.least_n);
+        self.stopped = self.stopped.filter(|stopped| holding_n > LOAD_FALLEN_FRACTION * stopped.holding_n);
         // The margin before a slide was wrong: the force that stopped the slide is kept while the load persists.
         let kept_n = self.stopped.map_or(0.0, |stopped| stopped.force_n.min(self.force_n));
         let keeps = misses || gross || doubt > 0.0 && used > DOUBTFUL_LOADED_FRACTION;
         let slack = self.settings.slack_fraction.min(target);
         if wanted_n > self.force_n {
             self.force_n = wanted_n.min(raised_n);
-        } else if !grows && !keeps && least_n < (target - slack) * self.force_n.min(pressed_n) {
+        } else if !grows && !keeps && holding_n < (target - slack) * self.force_n.min(pressed_n) {
             self.force_n = wanted_n.max(self.force_n - release_n).max(kept_n);
         }
         self.force_n = self.force_n.clamp(self.limits.least_n, self.limits.most_n);
         if gross {
-            self.stopped = Some(StoppedSlide { least_n, force_n: self.force_n });
+            self.stopped = Some(StoppedSlide { holding_n, force_n: self.force_n });
         }
         // The arm waits while the grip lags behind the load.
         let behind = self.force_n > LAGGING_FORCE_RATIO * pressed_n && used > target + LAGGING_USED_FRACTION;

@@ -16,6 +16,7 @@ use crate::pixels::flatten::Flatten;
 use crate::pixels::gaussian::Gaussian;
 use crate::pixels::grey::{GreyWeights, grey_rows_from_gray, grey_rows_from_rgb};
 use crate::pixels::mean::mean_levels;
+use crate::pixels::mirror;
 use crate::pixels::warp::WarpTable;
 use crate::plane::Vec2;
 use crate::sensor::{Flip, Sensor, Skin};
@@ -196,12 +197,10 @@ impl Imprint {
     pub(super) fn mirror(&mut self, from: Flip, to: Flip) {
         let Some((table, upright)) = &mut self.warp else { return };
         if from.is_horizontal() != to.is_horizontal() {
-            upright.chunks_exact_mut(self.camera_px.width).for_each(<[u8]>::reverse);
+            mirror::columns(upright, self.camera_px.width);
         }
         if from.is_vertical() != to.is_vertical() {
-            // Reversing the whole image mirrors both axes; reversing its rows undoes one.
-            upright.reverse();
-            upright.chunks_exact_mut(self.camera_px.width).for_each(<[u8]>::reverse);
+            mirror::rows(upright, self.camera_px.width);
         }
         table.apply(upright, &mut self.grey);
         self.flatten();
