@@ -13,6 +13,7 @@ use crate::commands::paper::Paper;
 use crate::commands::record::Record;
 use crate::commands::replay::Replay;
 use crate::commands::run::{Hold, Run};
+use crate::commands::settings::Which;
 use crate::commands::shell::{Completions, Man};
 use crate::commands::simulate::Simulate;
 use crate::commands::tare::Tare;
@@ -60,6 +61,12 @@ pub enum Command {
     Sensors {
         /// The finger whose file is shown
         name: Option<String>,
+    },
+    /// Show every setting with its default, as a file for `--settings`
+    Settings {
+        /// Which settings are shown
+        #[arg(value_enum, default_value = "monitor")]
+        which: Which,
     },
     /// Simulate a scene and write its frames with their exact truth
     Simulate(Simulate),

@@ -22,6 +22,7 @@ pub mod run;
 mod run_recording;
 mod scenes;
 mod sensors;
+pub mod settings;
 pub mod shell;
 pub mod simulate;
 pub mod tare;
@@ -49,6 +50,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Command::Calibrate(calibrate) => calibrate.run(),
         Command::Tare(tare) => tare.run(),
         Command::Sensors { name } => sensors::run(name.as_deref()),
+        Command::Settings { which } => settings::run(*which),
         Command::Simulate(simulate) => simulate.run(),
         Command::Scenes { name } => scenes::run(name.as_deref()),
         Command::Run(task) => task.run(),

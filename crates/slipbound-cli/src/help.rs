@@ -16,7 +16,7 @@ const EXIT_CODES: &str = "Exit codes:
   3  finished, but frames were torn or of another size, or something could not be written";
 
 /// Examples by command: the command line after `slipbound`, and what it does.
-const EXAMPLES: [(&str, &[(&str, &str)]); 31] = [
+const EXAMPLES: [(&str, &[(&str, &str)]); 32] = [
     (
         "",
         &[
@@ -110,6 +110,13 @@ const EXAMPLES: [(&str, &[(&str, &str)]); 31] = [
     (
         "sensors",
         &[("sensors", "all that are built in"), ("sensors gelslim", "the file of one, to be copied and changed")],
+    ),
+    (
+        "settings",
+        &[
+            ("settings", "the monitor's: copy what you change into a file for `watch --settings FILE`"),
+            ("settings task", "those of grip, controllers and tasks"),
+        ],
     ),
     (
         "simulate",

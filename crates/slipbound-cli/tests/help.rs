@@ -1,8 +1,12 @@
-//! Every command's help fits a terminal of 80 columns, and its examples are valid.
+//! Every command's help fits a terminal of 80 columns, its examples are valid, and docs/settings.md has every setting.
 
+use slipbound::monitor::Settings;
+use slipbound::task::TaskSettings;
 use slipbound_lab::hand::HandScene;
 use slipbound_lab::scenes::Trial;
+use slipbound_rig::config::{settings_to_toml, task_settings_to_toml};
 use slipbound_rig::sensors;
+use std::collections::BTreeMap;
 
 /// Every command below this one, and itself, with the path to it.
 fn all(command: clap::Command, path: &str) -> Vec<(String, clap::Command)> {
@@ -84,4 +88,39 @@ fn every_example_is_what_the_program_takes() {
             _ => {}
         }
     }
+}
+
+/// A default as docs/settings.md writes it: numbers to four digits.
+fn written(value: &toml::Value) -> String {
+    match value {
+        toml::Value::Float(number) => {
+            let digits: f64 = format!("{number:.3e}").parse().expect("a number");
+            digits.to_string()
+        }
+        toml::Value::Array(values) => format!("[{}]", values.iter().map(written).collect::<Vec<_>>().join(", ")),
+        other => other.to_string(),
+    }
+}
+
+/// The settings below a table, by their whole keys.
+fn flat(table: &toml::Table, path: &str, into: &mut BTreeMap<String, String>) {
+    for (key, value) in table {
+        match value {
+            toml::Value::Table(below) => flat(below, &format!("{path}{key}."), into),
+            value => drop(into.insert(format!("{path}{key}"), written(value))),
+        }
+    }
+}
+
+#[test]
+fn every_setting_stands_in_the_docs_with_its_default() {
+    let mut settings = BTreeMap::from([("grip.blind_force_n".to_owned(), "-".to_owned())]); // not set by default
+    for text in [settings_to_toml(&Settings::default()), task_settings_to_toml(&TaskSettings::default())] {
+        flat(&text.expect("TOML").parse().expect("TOML"), "", &mut settings);
+    }
+    let page = include_str!("../../../docs/settings.md");
+    let rows = page.lines().filter_map(|line| line.strip_prefix("| `")?.split_once("` | "));
+    let default = |rest: &str| rest.split(" | ").next().unwrap_or_default().to_owned();
+    let documented: BTreeMap<String, String> = rows.map(|(key, rest)| (key.to_owned(), default(rest))).collect();
+    assert_eq!(documented, settings);
 }
