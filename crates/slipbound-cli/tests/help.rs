@@ -119,8 +119,14 @@ fn every_setting_stands_in_the_docs_with_its_default() {
         flat(&text.expect("TOML").parse().expect("TOML"), "", &mut settings);
     }
     let page = include_str!("../../../docs/settings.md");
-    let rows = page.lines().filter_map(|line| line.strip_prefix("| `")?.split_once("` | "));
-    let default = |rest: &str| rest.split(" | ").next().unwrap_or_default().to_owned();
-    let documented: BTreeMap<String, String> = rows.map(|(key, rest)| (key.to_owned(), default(rest))).collect();
+    let (mut documented, mut table) = (BTreeMap::new(), String::new());
+    for line in page.lines() {
+        if let Some((name, _)) = line.strip_prefix("### `[").and_then(|line| line.split_once(']')) {
+            table = format!("{name}.");
+        } else if let Some((key, rest)) = line.strip_prefix("| `").and_then(|line| line.split_once("` | ")) {
+            let key = if key == "controller" { key.to_owned() } else { format!("{table}{key}") };
+            documented.insert(key, rest.split(" | ").next().unwrap_or_default().to_owned());
+        }
+    }
     assert_eq!(documented, settings);
 }
