@@ -102,8 +102,8 @@ pub enum Kind {
     Dry,
 }
 
-/// Lowest reading that counts as a measurement, N per finger: no bias is larger.
-const LEAST_READING_N: f64 = -10.0;
+/// Largest bias of a force reading, either way, N per finger: a lower reading is no measurement.
+pub(super) const MOST_BIAS_N: f64 = 10.0;
 
 impl Config {
     /// The defaults of a driver.
@@ -236,10 +236,10 @@ impl Config {
     }
 
     /// The gripper's own force values -> newtons per finger; may be below 0 where its sensor has a bias. None when it
-    /// is no measurement: not a number, below the least reading, or more than twice the gripper's largest force.
+    /// is no measurement: not a number, below the largest bias, or more than twice the gripper's largest force.
     pub fn from_own_n(&self, own_n: f64) -> Option<f64> {
         let force_n = own_n / self.own_per_finger();
-        (LEAST_READING_N..=2.0 * self.most_n).contains(&force_n).then_some(force_n)
+        (-MOST_BIAS_N..=2.0 * self.most_n).contains(&force_n).then_some(force_n)
     }
 
     /// The force that a gripper has which is told this one, N per finger: a Robotiq takes it as a whole number.

@@ -1,8 +1,9 @@
 //! Homing moves the jaws: no driver sends it while something is, or may be, between them.
 
-use crate::bench::{Bench, config};
+use crate::bench::{Bench, config, driver};
 use slipbound::port::Jaws;
 use slipbound_rig::emulator::NAMES;
+use slipbound_rig::gripper::config::Config;
 use slipbound_rig::gripper::{Error, Request};
 
 #[test]
@@ -41,6 +42,29 @@ fn home_is_refused_as_long_as_it_is_not_known_whether_something_is_held() {
             assert_eq!(is_refused, bench.least_n > 39.0, "{name}: {home:?}, {} N", bench.least_n);
             assert!(!is_refused || bench.state().is_ok_and(|state| state.jaws == Jaws::Holding), "{name}");
             !is_refused
+        })
+        .collect();
+    assert_eq!(accepting, [""; 0]);
+}
+
+/// After a fast stop and its acknowledgement a gripper presses, and reports itself idle.
+#[test]
+fn home_is_refused_where_the_jaws_press_as_wide_as_a_release_would_leave_them() {
+    let accepting: Vec<&str> = ["wsg50", "gcl"]
+        .into_iter()
+        .filter(|name| {
+            let mut bench = Bench::holding(name, config(name), "fast-stop@4000", 40.0);
+            bench.run(2000);
+            bench.request(Request::Acknowledge).expect("taken over");
+            bench.run(100);
+            bench.request(Request::Leave).expect("taken over");
+            bench.run(100);
+            bench.cut("closed");
+            bench.pair.driver = driver(name, Config { part_width_mm: None, open_mm: 45.0, ..config(name) });
+            bench.connect();
+            bench.run(300);
+            assert_eq!(bench.state().expect("there").jaws, Jaws::Open, "{name}");
+            bench.request(Request::Home).is_ok()
         })
         .collect();
     assert_eq!(accepting, [""; 0]);
