@@ -109,6 +109,9 @@ pub enum Kind {
 /// Largest bias of a force reading, either way, N per finger: a lower reading is no measurement.
 pub(super) const MOST_BIAS_N: f64 = 10.0;
 
+/// Largest force of a gripper that does not tell it, N per finger, unless it is set higher.
+const UNKNOWN_MOST_N: f64 = 80.0;
+
 impl Config {
     /// The defaults of a driver.
     pub fn of(kind: Kind) -> Self {
@@ -261,10 +264,14 @@ impl Config {
     }
 
     /// The gripper's own force values -> newtons per finger; may be below 0 where its sensor has a bias. None when it
-    /// is no measurement: not a number, below the largest bias, or more than twice the gripper's largest force.
+    /// is no measurement: not a number, below the largest bias, or more than twice what the gripper can press with.
     pub fn from_own_n(&self, own_n: f64) -> Option<f64> {
         let force_n = own_n / self.own_per_finger();
-        (-MOST_BIAS_N..=2.0 * self.most_n).contains(&force_n).then_some(force_n)
+        let most_n = match self.kind {
+            Kind::Line | Kind::Dry => self.most_n.max(UNKNOWN_MOST_N), // what it can press with is not known
+            Kind::Wsg50 | Kind::Gcl | Kind::Robotiq => self.possible_n().1,
+        };
+        (-MOST_BIAS_N..=2.0 * most_n).contains(&force_n).then_some(force_n)
     }
 
     /// The force that a gripper has which is told this one, N per finger: a Robotiq takes it as a whole number.
@@ -417,6 +424,10 @@ mod tests {
             (config.from_own_n(f64::NAN), config.from_own_n(1e9), config.from_own_n(-0.2)),
             (None, None, Some(-0.1))
         );
+        for kind in [Kind::Wsg50, Kind::Gcl, Kind::Robotiq, Kind::Line] {
+            let low = Config { most_n: 30.0, ..Config::of(kind) };
+            assert_eq!((low.from_own_n(70.0), low.from_own_n(471.0)), (Some(70.0), None), "{kind:?}");
+        }
         for (asked_n, given_n) in [(1e9, 80.0), (-1e9, 5.0), (-3.0, 5.0), (6.5, 6.5)] {
             assert_eq!(config.admitted_n(asked_n), Some(given_n));
         }
