@@ -2,6 +2,7 @@
 //! address.
 
 use super::error::Error;
+use super::robotiq::status::speed_of_count;
 use crate::config::{self, Layer};
 use serde::{Deserialize, Serialize};
 use slipbound::setting::SettingError;
@@ -208,7 +209,11 @@ impl Config {
         within("least_n", self.least_n, least_n, most_n)?;
         within("most_n", self.most_n, self.least_n, most_n)?;
         within("open_mm", self.open_mm, 0.0, self.stroke_mm())?;
-        within("speed_mm_per_s", self.speed_mm_per_s, 5.0, 420.0)?;
+        let (slowest, fastest) = match self.kind {
+            Kind::Robotiq => (speed_of_count(0), speed_of_count(255)),
+            _ => (5.0, 420.0),
+        };
+        within("speed_mm_per_s", self.speed_mm_per_s, slowest, fastest)?;
         if let Some(width_mm) = self.part_width_mm {
             within("part_width_mm", width_mm, 0.0, self.stroke_mm())?;
         }
@@ -380,6 +385,12 @@ mod tests {
             (Kind::Wsg50, "", "most_n", ["wsg50://x:1000", "key=value", "`most_n`"]),
             (Kind::Robotiq, "force_table = [[0, 9], [255, 9]]\n", "", ["gripper.toml: force_table", "rising", "9.0"]),
             (Kind::Wsg50, "", "open_mm=200", ["wsg50://x:1000: open_mm", "from 0 to 110", "got 200"]),
+            (
+                Kind::Robotiq,
+                "speed_mm_per_s = 300\n",
+                "",
+                ["gripper.toml: speed_mm_per_s", "from 20 to 150", "got 300"],
+            ),
             (Kind::Robotiq, "open_mm = 90\n", "", ["gripper.toml: open_mm", "from 0 to 85", "got 90"]),
             (
                 Kind::Gcl,
