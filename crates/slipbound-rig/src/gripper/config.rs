@@ -162,14 +162,16 @@ impl Config {
                 let why = format!("expected key=value after `?`, got `{pair}`");
                 return Err(Error::Address { address: address.into(), why });
             };
-            from_query.insert(key.into(), in_toml(value));
+            if let Some(before) = from_query.insert(key.into(), in_toml(value)) {
+                let problem = format!("expected one value, got {before} and {}", in_toml(value));
+                return Err(config::Error::Value { file: address.into(), key: key.into(), problem }.into());
+            }
         }
         layers.push(Layer { file: address.into(), table: from_query });
         if let Some(path) = file {
             layers.push(Layer::read(path)?);
         }
-        let defaults = Table::try_from(Config::of(kind)).unwrap_or_default();
-        let mut merged = defaults;
+        let mut merged = Table::try_from(Config::of(kind)).expect("settings are numbers, names and arrays of numbers");
         for layer in layers.iter().rev() {
             merged.extend(layer.table.clone());
         }
@@ -382,6 +384,12 @@ mod tests {
             (Kind::Wsg50, "force_is = \"total\"\n", "most_n=60", ["wsg50://x:1000: most_n", "from 5 to 40", "got 60"]),
             (Kind::Wsg50, "least_n = nan\n", "", ["gripper.toml: least_n", "from 5 to 80", "got NaN"]),
             (Kind::Wsg50, "", "lowering=maybe", ["wsg50://x:1000: lowering", "maybe", "`allow`"]),
+            (
+                Kind::Wsg50,
+                "",
+                "lowering=refuse&lowering=allow",
+                ["x:1000: lowering", "one value", "\"refuse\" and \"allow\""],
+            ),
             (Kind::Wsg50, "", "most_n", ["wsg50://x:1000", "key=value", "`most_n`"]),
             (Kind::Robotiq, "force_table = [[0, 9], [255, 9]]\n", "", ["gripper.toml: force_table", "rising", "9.0"]),
             (Kind::Wsg50, "", "open_mm=200", ["wsg50://x:1000: open_mm", "from 0 to 110", "got 200"]),
