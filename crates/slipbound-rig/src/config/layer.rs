@@ -77,7 +77,9 @@ pub(crate) fn typed<T: DeserializeOwned>(merged: Table, layers: &[Layer]) -> Res
     let all = Value::Table(merged);
     serde_path_to_error::deserialize(all.clone()).map_err(|e| {
         let path = e.path().to_string();
-        let problem = e.inner().to_string();
+        let message = e.inner().to_string();
+        // A second line names the table.
+        let problem = message.lines().next().unwrap_or_default();
         let mut quoted = problem.split('`').skip(1).step_by(2).map(str::to_owned);
         if problem.starts_with("unknown field") {
             let unknown = quoted.next().unwrap_or_default();
@@ -94,7 +96,7 @@ pub(crate) fn typed<T: DeserializeOwned>(merged: Table, layers: &[Layer]) -> Res
         let (key, problem) = match (problem.starts_with("missing field"), path.as_str()) {
             (true, ".") => (quoted.next().unwrap_or_default(), MISSING.to_owned()),
             (true, table) => (format!("{table}.{}", quoted.next().unwrap_or_default()), MISSING.to_owned()),
-            (false, _) => (path, expected_and_got(&problem, value_at(&all, e.path()))),
+            (false, _) => (path, expected_and_got(problem, value_at(&all, e.path()))),
         };
         Error::Value { file: file_of_key(layers, &key), key, problem }
     })
@@ -112,15 +114,13 @@ fn value_at<'a>(all: &'a Value, path: &serde_path_to_error::Path) -> Option<&'a 
     })
 }
 
-/// The parser's message as `expected X, got Y`, in the terms of TOML; one that expects nothing as it is. Its second line
-/// is the key, which we name ourselves.
+/// The parser's message as `expected X, got Y`, in the terms of TOML; one that expects nothing as it is.
 fn expected_and_got(problem: &str, value: Option<&Value>) -> String {
-    let first = problem.lines().next().unwrap_or_default();
-    let (said, kind) = match first.rsplit_once("expected ") {
+    let (said, kind) = match problem.rsplit_once("expected ") {
         Some(parts) => parts,
         // A table in place of a name.
-        None if first.starts_with("wanted exactly 1 element") => ("", "string only"),
-        None => return first.to_owned(),
+        None if problem.starts_with("wanted exactly 1 element") => ("", "string only"),
+        None => return problem.to_owned(),
     };
     let kind = match kind {
         "f64" => "a number",

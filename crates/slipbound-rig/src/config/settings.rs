@@ -145,6 +145,8 @@ mod tests {
         fs::write(&path, b"\xFF\xD8").expect("writes");
         let message = load_settings(path.to_str().expect("UTF-8")).expect_err("refused").to_string();
         assert!(message.ends_with("picture.toml: expected TOML, got bytes that are no text"), "{message}");
+        let message = settings("[slip]\nfoo = 1\n").expect_err("refused").to_string();
+        assert!(message.ends_with(", over_min_count"), "{message}");
         let message = settings("[rest]\nwindow_count = 2.5\n").expect_err("refused").to_string();
         assert!(message.contains("2.5") && message.lines().count() == 1, "{message}");
     }

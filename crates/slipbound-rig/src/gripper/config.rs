@@ -2,6 +2,7 @@
 //! address.
 
 use super::error::Error;
+use super::robotiq::status::speed_of_count;
 use crate::config::{self, Layer};
 use serde::{Deserialize, Serialize};
 use slipbound::setting::SettingError;
@@ -44,6 +45,9 @@ pub enum ForceChange {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
+    /// The gripper they are for; given by the scheme of its address.
+    #[serde(skip)]
+    pub kind: Kind,
     /// Meaning of the force values in the gripper's protocol.
     pub force_is: ForceIs,
     /// Least force ever sent, N per finger.
@@ -57,7 +61,7 @@ pub struct Config {
     /// Width of the object, mm. A WSG-50 expects it, and calls contact far from it a collision.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part_width_mm: Option<f64>,
-    /// Opening to release to, mm.
+    /// Opening to release to, mm; more where the object is wider.
     pub open_mm: f64,
     /// Speed of the jaws when they do not touch the object, mm/s.
     pub speed_mm_per_s: f64,
@@ -88,7 +92,7 @@ pub struct Config {
 }
 
 /// The kind of gripper: determines defaults and hardware limits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Kind {
     /// WSG-50, binary interface.
     Wsg50,
@@ -99,16 +103,21 @@ pub enum Kind {
     /// Any gripper that answers the line protocol.
     Line,
     /// No gripper.
+    #[default]
     Dry,
 }
 
-/// Lowest reading that counts as a measurement, N per finger: no bias is larger.
-const LEAST_READING_N: f64 = -10.0;
+/// Largest bias of a force reading, either way, N per finger: a lower reading is no measurement.
+pub(super) const MOST_BIAS_N: f64 = 10.0;
+
+/// Largest force of a gripper that does not tell it, N per finger, unless it is set higher.
+const UNKNOWN_MOST_N: f64 = 80.0;
 
 impl Config {
     /// The defaults of a driver.
     pub fn of(kind: Kind) -> Self {
         let wsg50 = Config {
+            kind,
             force_is: ForceIs::PerFinger,
             least_n: 5.0,
             most_n: 80.0,
@@ -153,45 +162,62 @@ impl Config {
                 let why = format!("expected key=value after `?`, got `{pair}`");
                 return Err(Error::Address { address: address.into(), why });
             };
-            from_query.insert(key.into(), in_toml(value));
+            if let Some(before) = from_query.insert(key.into(), in_toml(value)) {
+                let problem = format!("expected one value, got {before} and {}", in_toml(value));
+                return Err(config::Error::Value { file: address.into(), key: key.into(), problem }.into());
+            }
         }
         layers.push(Layer { file: address.into(), table: from_query });
         if let Some(path) = file {
             layers.push(Layer::read(path)?);
         }
-        let defaults = Table::try_from(Config::of(kind)).unwrap_or_default();
-        let mut merged = defaults;
+        let mut merged = Table::try_from(Config::of(kind)).expect("settings are numbers, names and arrays of numbers");
         for layer in layers.iter().rev() {
             merged.extend(layer.table.clone());
         }
-        let mut config: Config = config::typed(merged, &layers)?;
-        // Forces that nobody has set follow what the gripper can press with.
+        let mut config = Config { kind, ..config::typed(merged, &layers)? };
+        // What nobody has set follows what the gripper can do.
         let is_set = |key| layers.iter().any(|layer| layer.table.contains_key(key));
-        let (least_n, most_n) = config.possible_n(kind);
+        let (least_n, most_n) = config.possible_n();
         if !is_set("least_n") {
             config.least_n = config.least_n.max(least_n).min(most_n);
         }
         if !is_set("most_n") {
             config.most_n = config.most_n.max(least_n).min(most_n);
         }
-        let file = |key: &str| config::file_of_key(&layers, key);
-        config.check(kind).map_err(|source| config::Error::OutOfRange { file: file(&source.key), source })?;
+        if !is_set("open_mm") {
+            config.open_mm = config.open_mm.min(config.stroke_mm());
+        }
+        let out_of_range = |source: SettingError| {
+            let file = config::file_of_key(&layers, &source.key);
+            config::Error::OutOfRange { file, source }
+        };
+        config.check().map_err(out_of_range)?;
+        if let Some(width_mm) = config.part_width_mm.filter(|mm| is_set("open_mm") && config.open_mm <= *mm) {
+            let expected = format!("more than part_width_mm, which is {width_mm}");
+            let source = SettingError { key: "open_mm".into(), got: config.open_mm.to_string(), expected };
+            return Err(out_of_range(source).into());
+        }
         Ok(config)
     }
 
     /// Checks every setting; the error names the first invalid one.
-    pub fn check(&self, kind: Kind) -> Result<(), SettingError> {
-        if kind == Kind::Robotiq {
+    pub fn check(&self) -> Result<(), SettingError> {
+        if self.kind == Kind::Robotiq {
             table("force_table", &self.force_table, "two or more pairs [0 to 255, newtons], both rising", 1.0)?;
             table("opening_table", &self.opening_table, "two or more pairs [0 to 255, mm], the mm falling", -1.0)?;
         }
-        let (least_n, most_n) = self.possible_n(kind);
+        let (least_n, most_n) = self.possible_n();
         within("least_n", self.least_n, least_n, most_n)?;
         within("most_n", self.most_n, self.least_n, most_n)?;
-        within("open_mm", self.open_mm, 0.0, 1000.0)?;
-        within("speed_mm_per_s", self.speed_mm_per_s, 5.0, 420.0)?;
+        within("open_mm", self.open_mm, 0.0, self.stroke_mm())?;
+        let (slowest, fastest) = match self.kind {
+            Kind::Robotiq => (speed_of_count(0), speed_of_count(255)),
+            _ => (5.0, 420.0),
+        };
+        within("speed_mm_per_s", self.speed_mm_per_s, slowest, fastest)?;
         if let Some(width_mm) = self.part_width_mm {
-            within("part_width_mm", width_mm, 0.0, 1000.0)?;
+            within("part_width_mm", width_mm, 0.0, self.stroke_mm())?;
         }
         within("force_error_n", self.force_error_n, 0.0, 100.0)?;
         within("force_error_fraction", self.force_error_fraction, 0.0, 1.0)?;
@@ -205,7 +231,7 @@ impl Config {
             within(key, ms as f64, 1.0, 60_000.0)?;
         }
         // These say nothing unless they are asked.
-        if matches!(kind, Kind::Gcl | Kind::Robotiq) && self.update_ms >= self.silence_ms {
+        if matches!(self.kind, Kind::Gcl | Kind::Robotiq) && self.update_ms >= self.silence_ms {
             let expected = format!("less than silence_ms, which is {}", self.silence_ms);
             return Err(SettingError { key: "update_ms".into(), got: self.update_ms.to_string(), expected });
         }
@@ -213,13 +239,22 @@ impl Config {
     }
 
     /// Forces that the gripper can press with, N per finger.
-    fn possible_n(&self, kind: Kind) -> (f64, f64) {
-        let (least_n, most_n) = match kind {
+    fn possible_n(&self) -> (f64, f64) {
+        let (least_n, most_n) = match self.kind {
             Kind::Wsg50 | Kind::Gcl => (5.0, 80.0),
             Kind::Robotiq => (read_table(&self.force_table, 0, 0.0), read_table(&self.force_table, 0, 255.0)),
             Kind::Line | Kind::Dry => (0.0, 1000.0),
         };
         (least_n / self.own_per_finger(), most_n / self.own_per_finger())
+    }
+
+    /// The widest opening, mm.
+    pub(super) fn stroke_mm(&self) -> f64 {
+        match self.kind {
+            Kind::Wsg50 | Kind::Gcl => 110.0,
+            Kind::Robotiq => read_table(&self.opening_table, 0, 0.0),
+            Kind::Line | Kind::Dry => 1000.0,
+        }
     }
 
     /// The gripper's own newtons per newton per finger.
@@ -236,10 +271,14 @@ impl Config {
     }
 
     /// The gripper's own force values -> newtons per finger; may be below 0 where its sensor has a bias. None when it
-    /// is no measurement: not a number, below the least reading, or more than twice the gripper's largest force.
+    /// is no measurement: not a number, below the largest bias, or more than twice what the gripper can press with.
     pub fn from_own_n(&self, own_n: f64) -> Option<f64> {
         let force_n = own_n / self.own_per_finger();
-        (LEAST_READING_N..=2.0 * self.most_n).contains(&force_n).then_some(force_n)
+        let most_n = match self.kind {
+            Kind::Line | Kind::Dry => self.most_n.max(UNKNOWN_MOST_N), // what it can press with is not known
+            Kind::Wsg50 | Kind::Gcl | Kind::Robotiq => self.possible_n().1,
+        };
+        (-MOST_BIAS_N..=2.0 * most_n).contains(&force_n).then_some(force_n)
     }
 
     /// The force that a gripper has which is told this one, N per finger: a Robotiq takes it as a whole number.
@@ -323,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn forces_that_nobody_has_set_follow_the_other_settings() {
+    fn what_nobody_has_set_follows_the_other_settings() {
         for (kind, text, forces_n) in [
             (Kind::Wsg50, "force_is = \"total\"\n", (5.0, 40.0)),
             (Kind::Gcl, "force_is = \"total\"\n", (5.0, 40.0)),
@@ -333,6 +372,8 @@ mod tests {
             let got = load(kind, text, "").expect("valid");
             assert_eq!((got.least_n, got.most_n), forces_n, "{kind:?}: {text}");
         }
+        let got = load(Kind::Robotiq, "opening_table = [[3, 80], [230, 0]]\n", "part_width_mm=80").expect("valid");
+        assert_eq!(got.open_mm, 80.0);
     }
 
     #[test]
@@ -343,8 +384,28 @@ mod tests {
             (Kind::Wsg50, "force_is = \"total\"\n", "most_n=60", ["wsg50://x:1000: most_n", "from 5 to 40", "got 60"]),
             (Kind::Wsg50, "least_n = nan\n", "", ["gripper.toml: least_n", "from 5 to 80", "got NaN"]),
             (Kind::Wsg50, "", "lowering=maybe", ["wsg50://x:1000: lowering", "maybe", "`allow`"]),
+            (
+                Kind::Wsg50,
+                "",
+                "lowering=refuse&lowering=allow",
+                ["x:1000: lowering", "one value", "\"refuse\" and \"allow\""],
+            ),
             (Kind::Wsg50, "", "most_n", ["wsg50://x:1000", "key=value", "`most_n`"]),
             (Kind::Robotiq, "force_table = [[0, 9], [255, 9]]\n", "", ["gripper.toml: force_table", "rising", "9.0"]),
+            (Kind::Wsg50, "", "open_mm=200", ["wsg50://x:1000: open_mm", "from 0 to 110", "got 200"]),
+            (
+                Kind::Robotiq,
+                "speed_mm_per_s = 300\n",
+                "",
+                ["gripper.toml: speed_mm_per_s", "from 20 to 150", "got 300"],
+            ),
+            (Kind::Robotiq, "open_mm = 90\n", "", ["gripper.toml: open_mm", "from 0 to 85", "got 90"]),
+            (
+                Kind::Gcl,
+                "part_width_mm = 60\n",
+                "open_mm=60",
+                ["x:1000: open_mm", "part_width_mm, which is 60", "got 60"],
+            ),
             (Kind::Robotiq, "", "least_n=10", ["wsg50://x:1000: least_n", "from 20 to 235", "got 10"]),
             (Kind::Robotiq, "", "most_n=300", ["wsg50://x:1000: most_n", "from 20 to 235", "got 300"]),
             (
@@ -382,6 +443,10 @@ mod tests {
             (config.from_own_n(f64::NAN), config.from_own_n(1e9), config.from_own_n(-0.2)),
             (None, None, Some(-0.1))
         );
+        for kind in [Kind::Wsg50, Kind::Gcl, Kind::Robotiq, Kind::Line] {
+            let low = Config { most_n: 30.0, ..Config::of(kind) };
+            assert_eq!((low.from_own_n(70.0), low.from_own_n(471.0)), (Some(70.0), None), "{kind:?}");
+        }
         for (asked_n, given_n) in [(1e9, 80.0), (-1e9, 5.0), (-3.0, 5.0), (6.5, 6.5)] {
             assert_eq!(config.admitted_n(asked_n), Some(given_n));
         }

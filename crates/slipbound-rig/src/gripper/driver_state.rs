@@ -16,6 +16,9 @@ const GARBLED_NS: u64 = 10_000_000_000;
 /// Difference in force that counts as none, N per finger: below the resolution of all these grippers.
 const SAME_FORCE_N: f64 = 0.01;
 
+/// How much wider than an object the jaws open, mm.
+const RELEASE_ROOM_MM: f64 = 5.0;
+
 /// The state of a [`Driver`](super::Driver), on which its [`Protocol`](super::Protocol) works.
 #[derive(Debug)]
 pub struct DriverState {
@@ -108,6 +111,16 @@ impl DriverState {
     /// Whether an object is, or may soon be, between the jaws.
     pub fn seems_to_hold(&self) -> bool {
         self.grasp.seems_to_hold(&self.gripper, &self.config)
+    }
+
+    /// The opening to release to, mm: wider than the object, whatever the settings say, as far as the jaws go. It never
+    /// closes them.
+    pub fn release_mm(&self) -> f64 {
+        let Config { open_mm, part_width_mm, .. } = self.config;
+        let room_mm = if self.seems_to_hold() { RELEASE_ROOM_MM } else { 0.0 };
+        let present_mm = self.gripper.opening_mm.map(|mm| mm + room_mm);
+        let wider_mm = part_width_mm.map(|mm| mm + RELEASE_ROOM_MM).into_iter().chain(present_mm);
+        wider_mm.fold(open_mm, f64::max).min(self.config.stroke_mm())
     }
 
     /// A message was received: records whether the jaws hold something or have released it.

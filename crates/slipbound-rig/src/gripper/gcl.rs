@@ -83,12 +83,14 @@ impl Gcl {
     }
 
     fn open(&mut self, driver: &mut DriverState) {
-        let Config { open_mm, speed_mm_per_s, .. } = driver.config;
+        let (open_mm, speed_mm_per_s) = (driver.release_mm(), driver.config.speed_mm_per_s);
         self.is_release_given = true;
         self.gripped_n = None;
         match driver.gripper.opening_mm.filter(|_| self.is_holding()) {
             Some(from_mm) => {
-                let way_mm = (open_mm - from_mm).max(0.0);
+                // The opening is told in hundredths of a mm: beyond the stroke the release would be refused.
+                let way_mm = open_mm.min(driver.config.stroke_mm() - 0.01) - from_mm;
+                let way_mm = way_mm.max(0.0);
                 let line = format!("RELEASE({way_mm:.2},{speed_mm_per_s:.2})");
                 self.send(driver, Message::Command("RELEASE"), &line);
             }

@@ -2,7 +2,7 @@
 //! example, it presses without reporting that it holds. A force reading alone is no evidence: motors read a current
 //! with nothing between the jaws.
 
-use super::config::Config;
+use super::config::{Config, MOST_BIAS_N};
 use slipbound::port::{GripperState, Jaws};
 
 /// Least motion of the jaws that counts, mm.
@@ -16,6 +16,8 @@ const IDLE_COUNT: u32 = 50;
 pub(super) struct GraspTracker {
     /// Whether they closed, held or stopped, and have not opened since.
     is_grasped: bool,
+    /// Whether they closed or held since then: a stop alone does not tell that anything is between them.
+    has_closed: bool,
     /// The least opening since then, mm.
     grasped_mm: Option<f64>,
     idle_n: f64,
@@ -28,11 +30,12 @@ impl GraspTracker {
         match state.jaws {
             Jaws::Closing | Jaws::Holding | Jaws::Stopped => {
                 self.is_grasped = true;
+                self.has_closed |= state.jaws != Jaws::Stopped;
                 self.grasped_mm = self.grasped_mm.into_iter().chain(state.opening_mm).reduce(f64::min);
             }
-            Jaws::Nothing | Jaws::Lost => (self.is_grasped, self.grasped_mm) = (false, None),
+            Jaws::Nothing | Jaws::Lost => self.forget_grasp(),
             Jaws::Open if self.has_opened(state, config) => {
-                (self.is_grasped, self.grasped_mm) = (false, None);
+                self.forget_grasp();
                 if let Some(force_n) = state.force_n {
                     self.idle_count = (self.idle_count + 1).min(IDLE_COUNT);
                     self.idle_n += (force_n - self.idle_n) / f64::from(self.idle_count);
@@ -42,9 +45,13 @@ impl GraspTracker {
         }
     }
 
+    fn forget_grasp(&mut self) {
+        (self.is_grasped, self.has_closed, self.grasped_mm) = (false, false, None);
+    }
+
     /// Whether something is, or may soon be, between the jaws.
     pub fn seems_to_hold(&self, state: &GripperState, config: &Config) -> bool {
-        let presses = state.force_n.is_none_or(|force_n| force_n - self.idle_n > 0.5 * config.least_n);
+        let presses = self.load_n(state).is_none_or(|load_n| load_n > 0.5 * config.least_n);
         match state.jaws {
             Jaws::Closing | Jaws::Holding | Jaws::Stopped => true,
             Jaws::Nothing | Jaws::Lost => false,
@@ -56,12 +63,20 @@ impl GraspTracker {
         }
     }
 
-    /// Whether the jaws are open by their position: at the commanded opening, or wider than they held.
+    /// The force reading without its idle reading, N per finger.
+    fn load_n(&self, state: &GripperState) -> Option<f64> {
+        state.force_n.map(|force_n| force_n - self.idle_n)
+    }
+
+    /// Whether the jaws are open by their position: wider than they held, or as wide as a release leaves them and
+    /// without load. Without a grasp that was seen the idle reading may be unknown.
     fn has_opened(&self, state: &GripperState, config: &Config) -> bool {
         let Some(opening_mm) = state.opening_mm else { return false };
         let is_wide = opening_mm >= config.open_mm - MOVED_MM
             && config.part_width_mm.is_none_or(|width_mm| width_mm < opening_mm - MOVED_MM);
-        is_wide || self.grasped_mm.is_some_and(|grasped_mm| opening_mm > grasped_mm + MOVED_MM)
+        let most_idle_n = if self.has_closed { 0.5 * config.least_n } else { MOST_BIAS_N };
+        let is_loaded = self.load_n(state).is_some_and(|load_n| load_n > most_idle_n);
+        (is_wide && !is_loaded) || self.grasped_mm.is_some_and(|grasped_mm| opening_mm > grasped_mm + MOVED_MM)
     }
 }
 
@@ -70,21 +85,44 @@ mod tests {
     use super::*;
     use crate::gripper::config::Kind;
 
-    #[test]
-    fn what_open_jaws_read_is_taken_off_in_the_mean_however_it_scatters() {
-        let config = Config::of(Kind::Wsg50);
-        let open = |force_n: f64| GripperState {
+    fn at(jaws: Jaws, opening_mm: f64, force_n: f64) -> GripperState {
+        GripperState {
             time_ns: 0,
             force_n: Some(force_n),
             force_error_n: None,
             target_n: None,
-            opening_mm: Some(config.open_mm),
-            jaws: Jaws::Open,
-        };
+            opening_mm: Some(opening_mm),
+            jaws,
+        }
+    }
+
+    #[test]
+    fn what_open_jaws_read_is_taken_off_in_the_mean_however_it_scatters() {
+        let config = Config::of(Kind::Wsg50);
         let mut grasp = GraspTracker::default();
         for reading in 0..200 {
-            grasp.see(&open(if reading % 2 == 0 { 6.0 } else { 10.0 }), &config);
+            let force_n = if reading % 2 == 0 { 6.0 } else { 10.0 };
+            grasp.see(&at(Jaws::Open, config.open_mm, force_n), &config);
         }
         assert!((grasp.idle_n - 8.0).abs() < 0.1, "{}", grasp.idle_n);
+    }
+
+    #[test]
+    fn jaws_as_wide_as_after_a_release_hold_something_where_a_load_shows() {
+        let config = Config::of(Kind::Wsg50);
+        for (states, holds) in [
+            (&[at(Jaws::Open, 104.0, 40.0)][..], true),
+            (&[at(Jaws::Open, 104.0, 6.0)], false), // its idle reading, as far as is known
+            (&[at(Jaws::Stopped, 104.0, 40.0), at(Jaws::Open, 104.0, 40.0)], true),
+            (&[at(Jaws::Stopped, 110.0, 6.0), at(Jaws::Open, 110.0, 6.0)], false),
+            (&[at(Jaws::Holding, 104.0, 8.0), at(Jaws::Stopped, 104.0, 8.0), at(Jaws::Open, 104.0, 8.0)], true),
+            (&[at(Jaws::Holding, 104.0, 8.0), at(Jaws::Open, 109.0, 6.0)], false),
+            (&[at(Jaws::Open, 100.0, 6.0), at(Jaws::Closing, 99.5, 6.0), at(Jaws::Open, 100.0, 6.0)], false),
+        ] {
+            let mut grasp = GraspTracker::default();
+            states.iter().for_each(|state| grasp.see(state, &config));
+            let newest = states.last().expect("one at least");
+            assert_eq!(grasp.seems_to_hold(newest, &config), holds, "{states:?}");
+        }
     }
 }

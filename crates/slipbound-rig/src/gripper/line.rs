@@ -162,7 +162,7 @@ impl Protocol for LineGripper {
         let words = match self.goal {
             Goal::Keep => return,
             Goal::Hold { force_n } => ask("GRASP", &[("force_n", driver.config.to_own_n(force_n))]),
-            Goal::Open => ask("RELEASE", &[("opening_mm", driver.config.open_mm)]),
+            Goal::Open => ask("RELEASE", &[("opening_mm", driver.release_mm())]),
             Goal::Home => ask("HOME", &[]),
             Goal::Acknowledge => ask("ACKNOWLEDGE", &[]),
         };

@@ -145,7 +145,7 @@ impl Wsg50 {
             Phase::Idle | Phase::Homing { .. } | Phase::Grasped | Phase::Following { .. } => {
                 let command = if self.telemetry.is_holding() { Command::Release } else { Command::Move };
                 self.phase = Phase::Opened;
-                self.send_motion(driver, command, driver.config.open_mm);
+                self.send_motion(driver, command, driver.release_mm());
             }
         }
     }

@@ -1,8 +1,9 @@
 //! What every driver guarantees, whatever its protocol: tested with a protocol that only records its calls.
 
-use crate::bench::{Bench, MS};
+use crate::bench::{Bench, MS, config, driver};
 use slipbound::port::{DriverEvent, GripCommand, Gripper, Jaws};
-use slipbound_rig::gripper::config::{Config, Kind};
+use slipbound_rig::emulator::NAMES;
+use slipbound_rig::gripper::config::{Config, Kind, Lowering};
 use slipbound_rig::gripper::{Driver, DriverState, Error, Protocol, Request};
 use slipbound_rig::link::Endpoint;
 use std::sync::{Arc, Mutex};
@@ -161,6 +162,23 @@ fn events_are_kept_up_to_a_number_the_oldest_go_first() {
     let events: Vec<DriverEvent> = std::iter::from_fn(|| driver.next_event()).collect();
     assert_eq!(events.len(), 64);
     assert_eq!(events.last(), Some(&DriverEvent::Clamped { asked_n: 199.0, given_n: 80.0 }));
+}
+
+/// Another program, with other settings, has gripped.
+#[test]
+fn what_is_held_with_more_than_most_n_is_told_and_not_loosened() {
+    for name in NAMES.into_iter().filter(|name| *name != "robotiq-rtu") {
+        let mut bench = Bench::holding(name, config(name), "", 62.0);
+        bench.request(Request::Leave).expect("linked");
+        bench.run(100);
+        bench.cut("closed");
+        bench.pair.driver = driver(name, Config { most_n: 30.0, lowering: Lowering::Refuse, ..config(name) });
+        bench.connect();
+        bench.run(400);
+        let state = bench.state().expect("there");
+        assert!(state.force_n.or(state.target_n).is_some_and(|n| (n - 62.0).abs() < 0.5), "{name}: {state:?}");
+        assert!(matches!(bench.grip(30.0), Err(Error::Lowering { from_n: 61.5..62.5, .. })), "{name}");
+    }
 }
 
 /// Through the port alone, as the loop sees any gripper.

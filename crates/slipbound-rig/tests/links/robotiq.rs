@@ -35,7 +35,7 @@ fn a_block_is_gripped_by_steps_of_force_and_released() {
             }
             bench.release().expect("taken over");
             bench.until(3000, |state| state.jaws == Jaws::Open && state.opening_mm.is_some_and(|mm| mm > 84.5));
-            assert_eq!(bench.plant.force_n, 0.0);
+            assert_eq!((bench.plant.force_n, bench.state().expect("there").target_n), (0.0, Some(20.0)), "{name}");
         }
     }
 }

@@ -14,13 +14,16 @@ pub(super) enum Goal {
     Keep,
     /// Hold with this force, N per finger.
     Hold { force_n: f64 },
-    /// Open.
-    Open,
+    /// Open to here, mm.
+    Open { opening_mm: f64 },
     /// The first half of homing: deactivate.
     Deactivate,
     /// The second half: activate.
     Activate,
 }
+
+/// Number of the force with which they open.
+const OPENING_FORCE: u8 = 0;
 
 /// Target of the jaws: position and force as the gripper's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +47,9 @@ impl Goal {
         let speed = config.speed_count();
         match self {
             Goal::Hold { force_n } => Some(Target { position: CLOSED, speed, force: config.force_count(force_n) }),
-            Goal::Open => Some(Target { position: config.position_count(config.open_mm), speed, force: 0 }),
+            Goal::Open { opening_mm } => {
+                Some(Target { position: config.position_count(opening_mm), speed, force: OPENING_FORCE })
+            }
             Goal::Keep | Goal::Deactivate | Goal::Activate => None,
         }
     }
@@ -101,6 +106,7 @@ impl Actuator {
     pub fn take_over(&mut self, driver: &mut DriverState, goal: Goal) {
         match goal {
             Goal::Hold { force_n } => driver.settle_target(Some(driver.config.settable_n(force_n))),
+            Goal::Open { .. } => driver.settle_target(driver.config.force_of_count(OPENING_FORCE)),
             Goal::Deactivate => self.has_accepted_deactivation = true,
             Goal::Activate if self.goal == goal => self.goal = Goal::Keep,
             _ => {}
@@ -126,10 +132,11 @@ impl Actuator {
         Ok(())
     }
 
-    pub fn grip(&mut self, command: GripCommand) {
-        self.goal = match command {
-            GripCommand::Hold { force_n } => Goal::Hold { force_n },
-            GripCommand::Release => Goal::Open,
+    pub fn grip(&mut self, driver: &DriverState, command: GripCommand) {
+        self.goal = match (command, self.goal) {
+            (GripCommand::Hold { force_n }, _) => Goal::Hold { force_n },
+            (GripCommand::Release, Goal::Open { .. }) => return,
+            (GripCommand::Release, _) => Goal::Open { opening_mm: driver.release_mm() },
         };
     }
 

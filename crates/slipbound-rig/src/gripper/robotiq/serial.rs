@@ -39,7 +39,7 @@ fn outputs(goal: Goal, config: &Config) -> Option<[u8; 6]> {
         Goal::Keep => None,
         Goal::Deactivate => Some([0; 6]),
         Goal::Activate => Some([bit::ACTIVATE, 0, 0, 0, 0, 0]),
-        Goal::Hold { .. } | Goal::Open => {
+        Goal::Hold { .. } | Goal::Open { .. } => {
             let to = goal.target(config)?;
             Some([bit::ACTIVATE | bit::GO_TO, 0, 0, to.position, to.speed, to.force])
         }
@@ -142,8 +142,8 @@ impl Protocol for Serial {
         self.actuator.check_ready(driver)
     }
 
-    fn grip(&mut self, _driver: &mut DriverState, command: GripCommand) -> Result<(), Error> {
-        self.actuator.grip(command);
+    fn grip(&mut self, driver: &mut DriverState, command: GripCommand) -> Result<(), Error> {
+        self.actuator.grip(driver, command);
         Ok(())
     }
 

@@ -255,8 +255,8 @@ impl Protocol for Socket {
         self.actuator.check_ready(driver)
     }
 
-    fn grip(&mut self, _driver: &mut DriverState, command: GripCommand) -> Result<(), Error> {
-        self.actuator.grip(command);
+    fn grip(&mut self, driver: &mut DriverState, command: GripCommand) -> Result<(), Error> {
+        self.actuator.grip(driver, command);
         Ok(())
     }
 
