@@ -30,8 +30,8 @@ pub use observer::{CycleObserver, CycleView};
 use crate::events::{SlipEpisodes, SlipObservation};
 use crate::finger_pipeline::{FingerPipeline, FingerView, MonitorRunner, Sequential};
 use crate::grip::{ForceSense, GripController};
-use crate::hand::{FINGERS_MOST, Hand, Mounting};
-use crate::monitor::RestKind;
+use crate::hand::{FINGERS_MOST, Hand, HandReport, Mounting};
+use crate::monitor::{RestKind, SlipState};
 use crate::port::{
     DriverEvent, GripCommand, GripSample, Gripper, GripperErrorKind, GripperState, Jaws, Wrist, WristCommand,
     WristMotion, WristState,
@@ -217,8 +217,10 @@ impl ControlLoop {
         }
         let hand = self.hand.report(now_ns);
         self.slips.see(&SlipObservation::of_hand(now_ns, &hand));
-        if self.last_step.is_none() && sensed.jaws == Jaws::Holding {
-            self.take_over(&sensed)?;
+        // What the fingers were judged with; taking over may change it.
+        let idle_force_n = self.force.idle_n();
+        if self.last_step.is_none() {
+            self.take_over(&state, &hand)?;
         }
         let observation = Observation { now_ns, hand: &hand, gripper: &sensed, wrist: &wrist_state };
         let Decided { step, fault, on_fault } = self.decide(&observation, wrist_fault);
@@ -228,7 +230,7 @@ impl ControlLoop {
             time_ns: now_ns,
             hand,
             gripper: state,
-            idle_force_n: self.force.idle_n(),
+            idle_force_n,
             wrist: wrist_state,
             grip_command: step.grip,
             wrist_command: step.wrist,
@@ -323,13 +325,23 @@ impl ControlLoop {
         self.fingers.iter().all(|finger| finger.rest_kind() != Some(RestKind::InContact))
     }
 
-    /// Before the first step: the gripper holds something already. Fails when it does not tell with which force, because
-    /// any command could lower it.
-    fn take_over(&mut self, state: &GripperState) -> Result<(), ControlError> {
-        if state.target_n.or(state.force_n).is_none() {
-            return Err(ControlError::HeldForceUnknown);
+    /// Before the first step: keeps what the gripper holds already. Jaws may press without reporting a hold, as after an
+    /// acknowledged fast stop: then they measure a force, and the fingers feel something or are blind. Fails for a hold
+    /// with a force that the gripper does not tell, because any command could lower it.
+    fn take_over(&mut self, state: &GripperState, hand: &HandReport) -> Result<(), ControlError> {
+        let is_unloaded = self.is_unloaded();
+        if state.jaws == Jaws::Holding {
+            if state.target_n.or(state.force_n.filter(|n| n.is_finite())).is_none() {
+                return Err(ControlError::HeldForceUnknown);
+            }
+        } else {
+            let may_hold = !is_unloaded || hand.state != SlipState::NoContact;
+            let least_n = 0.5 * self.task.grip().limits().least_n;
+            let pressed_n = if may_hold { self.force.pressed_unreported(state, least_n) } else { None };
+            let Some(pressed_n) = pressed_n else { return Ok(()) };
+            self.task.grip_mut().raise_to(pressed_n);
         }
-        if !self.is_unloaded() {
+        if !is_unloaded {
             // The loaded gel counts as the unloaded one, so nobody knows how much of the force is needed.
             self.task.grip_mut().never_lower();
         }

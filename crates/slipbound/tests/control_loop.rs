@@ -15,7 +15,7 @@ use slipbound::port::{
     WristMotion, WristState,
 };
 use slipbound::sensor::Skin;
-use slipbound::task::{Phase, TaskKind, TaskSettings};
+use slipbound::task::{ControllerKind, Phase, TaskKind, TaskSettings};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -76,6 +76,8 @@ struct MyGripper {
     /// Maximum force that it exerts, N; None: any commanded force.
     most_n: Option<f64>,
     is_silent_on_force: bool,
+    /// What it reports of its jaws instead, and from which command on and before which.
+    reports: Option<(Jaws, std::ops::Range<usize>)>,
     commands: Vec<GripCommand>,
     events: Vec<DriverEvent>,
 }
@@ -96,7 +98,11 @@ impl Gripper for MyGripper {
             return Err(GripperError::new(GripperErrorKind::Link, "cable out"));
         }
         let force_n = self.command.and_then(|c| c.force_n());
-        let jaws = if force_n.is_some() { Jaws::Holding } else { Jaws::Open };
+        let jaws = match &self.reports {
+            Some((jaws, during)) if during.contains(&self.commands.len()) => *jaws,
+            _ if force_n.is_some() => Jaws::Holding,
+            _ => Jaws::Open,
+        };
         let pressed_n = force_n.map(|n| n.min(self.most_n.unwrap_or(n)));
         Ok(GripperState {
             time_ns: 0,
@@ -138,6 +144,8 @@ struct Diary {
     events: Vec<DriverEvent>,
     slips: Vec<u64>,
     rest_kind: Option<RestKind>,
+    /// Idle reading of the gripper's force in the first and in the last cycle with a command, N.
+    idle_n: Option<(f64, f64)>,
 }
 
 impl CycleObserver for Diary {
@@ -157,6 +165,9 @@ impl CycleObserver for Diary {
             && cycle.slips_count as usize > self.slips.len()
         {
             self.slips.push(cycle.hand.seq);
+        }
+        if let Some(now_n) = view.cycle().map(|cycle| cycle.idle_force_n) {
+            self.idle_n = Some((self.idle_n.map_or(now_n, |(first_n, _)| first_n), now_n));
         }
         self.events.extend(view.driver_events.iter().cloned());
         self.rest_kind = view.fingers[0].rest_kind;
@@ -330,6 +341,24 @@ fn what_is_held_already_is_not_loosened_by_fingers_that_start_in_contact() {
     assert_eq!((diary.words.last(), diary.rest_kind), (Some(&"end"), Some(RestKind::InContact)));
     assert!(diary.words.iter().filter(|word| **word == "working").count() > 15, "{:?}", diary.words);
     assert!(gripper.commands.iter().all(|told| told.force_n() == Some(30.0)), "{:?}", gripper.commands);
+}
+
+/// After an acknowledged fast stop a gripper presses on and reports open jaws until it is told to grasp.
+#[test]
+fn what_open_jaws_press_already_is_not_loosened() {
+    for kind in [ControllerKind::OnSlip, ControllerKind::Margin, ControllerKind::Constant] {
+        let mut settings = hold().with_controller(kind);
+        settings.margin.stiffness_mpa_per_mm = 0.05;
+        let mut control = control_with(Skin::Fabric, scenes(&[(90, Scene::Held(0.0))]), &settings);
+        let (mut wrist, mut diary) = (MyWrist::default(), Diary::default());
+        let command = Some(GripCommand::Hold { force_n: 40.0 });
+        let mut gripper = MyGripper { command, reports: Some((Jaws::Open, 0..6)), ..MyGripper::default() };
+        assert!(run(&mut control, &mut gripper, &mut wrist, &mut diary).is_none());
+        assert!(diary.words.iter().filter(|word| **word == "working").count() > 30, "{kind:?}: {:?}", diary.words);
+        assert!(gripper.commands.iter().all(|told| told.force_n() == Some(40.0)), "{kind:?}: {:?}", gripper.commands);
+        // The first frame was judged with the reading as an idle one, and so it is in a replay.
+        assert_eq!(diary.idle_n, Some((40.0, 0.0)), "{kind:?}");
+    }
 }
 
 #[test]
