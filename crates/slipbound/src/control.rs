@@ -8,9 +8,9 @@
 //! ```
 //!
 //! Guarantee: a fault of software or of a link never opens a hand. While gripper or wrist have a fault (a lost link, no
-//! answer, a refusal, a latched fast stop, a force or a wrist that does not follow) the wrist is paused, the force is
-//! kept (a command that the gripper does not reach may fall to what it exerts), and the loop continues to judge frames
-//! and waits, for up to ten seconds. On any other error the loop ends: the wrist is paused first, and the gripper keeps
+//! answer, a refusal, a latched fast stop, jaws that no longer hold, a force or a wrist that does not follow) the wrist is
+//! paused, the force is kept (a command that the gripper does not reach may fall to what it exerts), and the loop
+//! continues to judge frames and waits, for up to ten seconds. Jaws that have opened are not closed again. On any other error the loop ends: the wrist is paused first, and the gripper keeps
 //! its force, or raises it to the blind force if that is set and higher.
 //!
 //! The loop has no clock and no threads. Its driver calls [`ControlLoop::cycle`] when frames are due and
@@ -30,15 +30,15 @@ pub use observer::{CycleObserver, CycleView};
 use crate::events::{SlipEpisodes, SlipObservation};
 use crate::finger_pipeline::{FingerPipeline, FingerView, MonitorRunner, Sequential};
 use crate::grip::{ForceSense, GripController};
-use crate::hand::{FINGERS_MOST, Hand, Mounting};
-use crate::monitor::RestKind;
+use crate::hand::{FINGERS_MOST, Hand, HandReport, Mounting};
+use crate::monitor::{RestKind, SlipState};
 use crate::port::{
     DriverEvent, GripCommand, GripSample, Gripper, GripperErrorKind, GripperState, Jaws, Wrist, WristCommand,
     WristMotion, WristState,
 };
 use crate::setting::SettingError;
 use crate::task::{Observation, Phase, Task, TaskStep};
-use fault::{FaultLog, ForceShortfall, WristStandstill};
+use fault::{FaultLog, ForceShortfall, HoldEnd, WristStandstill};
 
 /// A pause of the wrist, whatever it is doing.
 const PAUSE: WristCommand = WristCommand::new(WristMotion::Pause);
@@ -81,6 +81,7 @@ pub struct ControlLoop {
     faults: FaultLog,
     force: ForceSense,
     shortfall: ForceShortfall,
+    hold_end: HoldEnd,
     standstill: WristStandstill,
     refused_lowering: Option<String>,
     slips: SlipEpisodes,
@@ -103,6 +104,7 @@ impl ControlLoop {
             faults: FaultLog::default(),
             force: ForceSense::default(),
             shortfall: ForceShortfall::default(),
+            hold_end: HoldEnd::default(),
             standstill: WristStandstill::default(),
             refused_lowering: None,
             slips: SlipEpisodes::default(),
@@ -187,7 +189,7 @@ impl ControlLoop {
         // A wrist that rejects this stops when its time to live expires.
         let _ = wrist.command(PAUSE);
         let Some(TaskStep { grip: GripCommand::Hold { force_n }, phase, .. }) = self.last_step else { return };
-        let holds = !matches!(phase, Phase::Releasing | Phase::Ended(_));
+        let holds = !matches!(phase, Phase::Releasing | Phase::Ended(_)) && !self.hold_end.has_opened();
         if let Some(force_n) = self.task.grip().limits().blind_force_n.filter(|n| holds && *n > force_n) {
             // A gripper that rejects this keeps its force.
             let _ = gripper.command(GripCommand::Hold { force_n });
@@ -217,8 +219,10 @@ impl ControlLoop {
         }
         let hand = self.hand.report(now_ns);
         self.slips.see(&SlipObservation::of_hand(now_ns, &hand));
-        if self.last_step.is_none() && sensed.jaws == Jaws::Holding {
-            self.take_over(&sensed)?;
+        // What the fingers were judged with; taking over may change it.
+        let idle_force_n = self.force.idle_n();
+        if self.last_step.is_none() {
+            self.take_over(&state, &hand)?;
         }
         let observation = Observation { now_ns, hand: &hand, gripper: &sensed, wrist: &wrist_state };
         let Decided { step, fault, on_fault } = self.decide(&observation, wrist_fault);
@@ -228,7 +232,7 @@ impl ControlLoop {
             time_ns: now_ns,
             hand,
             gripper: state,
-            idle_force_n: self.force.idle_n(),
+            idle_force_n,
             wrist: wrist_state,
             grip_command: step.grip,
             wrist_command: step.wrist,
@@ -270,7 +274,8 @@ impl ControlLoop {
         let pressed_n = observation.gripper.force_n.filter(|_| shortfall.is_some());
         let commanded = self.last_step.map(|last| last.wrist.motion);
         let standstill = self.standstill.check(observation.now_ns, observation.wrist, commanded, step.wrist.motion);
-        let fault = shortfall.or(wrist_fault).or(standstill);
+        let hold_end = self.hold_end.check(observation.now_ns, observation.gripper, &step);
+        let fault = hold_end.or(shortfall).or(wrist_fault).or(standstill);
         let on_fault = fault.is_some() || self.faults.current().is_some();
         let step = if on_fault { self.step_on_fault(step, pressed_n) } else { step };
         self.last_step = Some(step);
@@ -323,13 +328,23 @@ impl ControlLoop {
         self.fingers.iter().all(|finger| finger.rest_kind() != Some(RestKind::InContact))
     }
 
-    /// Before the first step: the gripper holds something already. Fails when it does not tell with which force, because
-    /// any command could lower it.
-    fn take_over(&mut self, state: &GripperState) -> Result<(), ControlError> {
-        if state.target_n.or(state.force_n).is_none() {
-            return Err(ControlError::HeldForceUnknown);
+    /// Before the first step: keeps what the gripper holds already. Jaws may press without reporting a hold, as after an
+    /// acknowledged fast stop: then they measure a force, and the fingers feel something or are blind. Fails for a hold
+    /// with a force that the gripper does not tell, because any command could lower it.
+    fn take_over(&mut self, state: &GripperState, hand: &HandReport) -> Result<(), ControlError> {
+        let is_unloaded = self.is_unloaded();
+        if state.jaws == Jaws::Holding {
+            if state.target_n.or(state.force_n.filter(|n| n.is_finite())).is_none() {
+                return Err(ControlError::HeldForceUnknown);
+            }
+        } else {
+            let may_hold = !is_unloaded || hand.state != SlipState::NoContact;
+            let least_n = 0.5 * self.task.grip().limits().least_n;
+            let pressed_n = if may_hold { self.force.pressed_unreported(state, least_n) } else { None };
+            let Some(pressed_n) = pressed_n else { return Ok(()) };
+            self.task.grip_mut().raise_to(pressed_n);
         }
-        if !self.is_unloaded() {
+        if !is_unloaded {
             // The loaded gel counts as the unloaded one, so nobody knows how much of the force is needed.
             self.task.grip_mut().never_lower();
         }
@@ -373,6 +388,9 @@ impl ControlLoop {
     ) -> Sent {
         // A wrist that has to stop is stopped before the grip changes.
         let moved = wrist.command(step.wrist).map_err(Fault::of_wrist);
+        if self.hold_end.has_opened() {
+            return Sent { fault: moved.err(), refused_lowering: false };
+        }
         match gripper.command(step.grip) {
             // A gripper that refuses to lower its force keeps the present one: that is no fault.
             Err(error) if error.kind == GripperErrorKind::Lowering => {

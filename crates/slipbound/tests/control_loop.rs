@@ -15,7 +15,7 @@ use slipbound::port::{
     WristMotion, WristState,
 };
 use slipbound::sensor::Skin;
-use slipbound::task::{Phase, TaskKind, TaskSettings};
+use slipbound::task::{ControllerKind, Phase, TaskKind, TaskSettings};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -76,6 +76,8 @@ struct MyGripper {
     /// Maximum force that it exerts, N; None: any commanded force.
     most_n: Option<f64>,
     is_silent_on_force: bool,
+    /// What it reports of its jaws and their opening instead, and from which command on and before which.
+    reports: Option<(Jaws, Option<f64>, std::ops::Range<usize>)>,
     commands: Vec<GripCommand>,
     events: Vec<DriverEvent>,
 }
@@ -96,14 +98,18 @@ impl Gripper for MyGripper {
             return Err(GripperError::new(GripperErrorKind::Link, "cable out"));
         }
         let force_n = self.command.and_then(|c| c.force_n());
-        let jaws = if force_n.is_some() { Jaws::Holding } else { Jaws::Open };
+        let (jaws, opening_mm) = match &self.reports {
+            Some((jaws, mm, during)) if during.contains(&self.commands.len()) => (*jaws, *mm),
+            _ if force_n.is_some() => (Jaws::Holding, Some(28.0)),
+            _ => (Jaws::Open, Some(100.0)),
+        };
         let pressed_n = force_n.map(|n| n.min(self.most_n.unwrap_or(n)));
         Ok(GripperState {
             time_ns: 0,
             force_n: pressed_n.filter(|_| !self.is_silent_on_force),
             force_error_n: None,
             target_n: force_n.filter(|_| !self.is_silent_on_force),
-            opening_mm: None,
+            opening_mm,
             jaws,
         })
     }
@@ -138,6 +144,8 @@ struct Diary {
     events: Vec<DriverEvent>,
     slips: Vec<u64>,
     rest_kind: Option<RestKind>,
+    /// Idle reading of the gripper's force in the first and in the last cycle with a command, N.
+    idle_n: Option<(f64, f64)>,
 }
 
 impl CycleObserver for Diary {
@@ -157,6 +165,9 @@ impl CycleObserver for Diary {
             && cycle.slips_count as usize > self.slips.len()
         {
             self.slips.push(cycle.hand.seq);
+        }
+        if let Some(now_n) = view.cycle().map(|cycle| cycle.idle_force_n) {
+            self.idle_n = Some((self.idle_n.map_or(now_n, |(first_n, _)| first_n), now_n));
         }
         self.events.extend(view.driver_events.iter().cloned());
         self.rest_kind = view.fingers[0].rest_kind;
@@ -332,6 +343,24 @@ fn what_is_held_already_is_not_loosened_by_fingers_that_start_in_contact() {
     assert!(gripper.commands.iter().all(|told| told.force_n() == Some(30.0)), "{:?}", gripper.commands);
 }
 
+/// After an acknowledged fast stop a gripper presses on and reports open jaws until it is told to grasp.
+#[test]
+fn what_open_jaws_press_already_is_not_loosened() {
+    for kind in [ControllerKind::OnSlip, ControllerKind::Margin, ControllerKind::Constant] {
+        let mut settings = hold().with_controller(kind);
+        settings.margin.stiffness_mpa_per_mm = 0.05;
+        let mut control = control_with(Skin::Fabric, scenes(&[(90, Scene::Held(0.0))]), &settings);
+        let (mut wrist, mut diary) = (MyWrist::default(), Diary::default());
+        let command = Some(GripCommand::Hold { force_n: 40.0 });
+        let mut gripper = MyGripper { command, reports: Some((Jaws::Open, Some(28.0), 0..6)), ..MyGripper::default() };
+        assert!(run(&mut control, &mut gripper, &mut wrist, &mut diary).is_none());
+        assert!(diary.words.iter().filter(|word| **word == "working").count() > 30, "{kind:?}: {:?}", diary.words);
+        assert!(gripper.commands.iter().all(|told| told.force_n() == Some(40.0)), "{kind:?}: {:?}", gripper.commands);
+        // The first frame was judged with the reading as an idle one, and so it is in a replay.
+        assert_eq!(diary.idle_n, Some((40.0, 0.0)), "{kind:?}");
+    }
+}
+
 #[test]
 fn what_is_held_already_with_an_untold_force_is_not_touched() {
     let mut control = control(scenes(&[(20, Scene::Open), (9, Scene::Held(0.0))]), &hold());
@@ -391,6 +420,63 @@ fn a_wrist_that_never_moves_is_a_fault_after_a_second_and_a_half() {
     assert!((45..=47).contains(&moves_count), "commanded for a second and a half: {moves_count}");
     assert!(wrist.0.iter().rev().take(40).all(|motion| *motion == WristMotion::Pause), "{:?}", wrist.0);
     assert_eq!(gripper.command, Some(GripCommand::Hold { force_n: 10.0 }));
+}
+
+/// A wrist that moves as it is told, and the motions.
+#[derive(Default)]
+struct Lifts(f64, Vec<WristMotion>);
+
+impl Wrist for Lifts {
+    fn command(&mut self, command: WristCommand) -> Result<(), WristError> {
+        if let WristMotion::Lower { rate_mm_per_s, .. } = command.motion {
+            self.0 += rate_mm_per_s * FRAME_NS as f64 * 1e-9;
+        }
+        self.1.push(command.motion);
+        Ok(())
+    }
+
+    fn poll(&mut self) -> Result<WristState, WristError> {
+        Ok(WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: self.0, moving: true })
+    }
+}
+
+/// Another program opens the jaws while they lift, or they close further; what is reported from the 30th command on.
+#[test]
+fn jaws_that_hold_no_more_are_a_fault_and_are_not_closed_again_once_they_have_opened() {
+    let mut settings = hold();
+    (settings.lift.lift_mm, settings.grip.blind_force_n) = (200.0, Some(30.0));
+    for (jaws, opening_mm, fault_after) in
+        [(Jaws::Open, Some(28.0), 46), (Jaws::Open, Some(60.0), 0), (Jaws::Closing, Some(27.0), 46)]
+    {
+        let mut control = control(scenes(&[(20, Scene::Open), (90, Scene::Held(0.0))]), &settings);
+        let mut gripper = MyGripper { reports: Some((jaws, opening_mm, 30..usize::MAX)), ..MyGripper::default() };
+        let (mut wrist, mut began, mut faulted) = (Lifts::default(), None, None);
+        for cycle in 0..105 {
+            let told_count = wrist.1.len();
+            if gripper.commands.len() == 30 {
+                began.get_or_insert(cycle);
+            }
+            control.cycle(cycle * FRAME_NS, &mut gripper, &mut wrist, &mut ()).expect("goes on");
+            if control.fault().is_some_and(|fault| fault.kind == FaultKind::HoldEnded) {
+                faulted.get_or_insert(cycle);
+            }
+            let moves = wrist.1[told_count..].iter().any(|motion| *motion != WristMotion::Pause);
+            let pauses = if jaws == Jaws::Open { began } else { faulted };
+            assert!(
+                (cycle < 45) || moves == pauses.is_none(),
+                "{jaws:?} {opening_mm:?}: cycle {cycle}, moves: {moves}"
+            );
+        }
+        let has_opened = opening_mm == Some(60.0);
+        assert_eq!(faulted.zip(began).map(|(at, from)| at - from), Some(fault_after), "{jaws:?} {opening_mm:?}");
+        assert!(gripper.commands.iter().all(|told| told.force_n() == Some(10.0)), "{:?}", gripper.commands);
+        assert_eq!(gripper.commands.len() == 30, has_opened, "{}", gripper.commands.len());
+        let error = control.cycle(105 * FRAME_NS + 10_000_000_000, &mut gripper, &mut wrist, &mut ());
+        let error = error.expect_err("it is left").to_string();
+        assert!(error.contains(&format!("expected jaws that hold, got {}", jaws.name())), "{error}");
+        let last_n = gripper.commands.last().and_then(GripCommand::force_n);
+        assert_eq!(last_n, Some(if has_opened { 10.0 } else { 30.0 }), "the blind force, for what may be held");
+    }
 }
 
 #[test]

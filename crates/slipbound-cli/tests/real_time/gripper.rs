@@ -233,6 +233,67 @@ fn a_terminal_that_takes_nothing_keeps_no_hold_from_its_end() {
     drop(unread);
 }
 
+/// A gripper behind the line protocol that holds for two seconds after a grasp, and then reports this. At the end of the
+/// link it returns how many grasps it was told, the first and later ones.
+fn holding_for_two_seconds(then: &'static str) -> (String, thread::JoinHandle<[u32; 2]>) {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = format!("line://{}", listener.local_addr().expect("an address"));
+    let server = thread::spawn(move || {
+        let (mut link, _) = listener.accept().expect("a client");
+        link.write_all(b"HELLO slipbound-line 1\n").expect("taken");
+        link.set_nonblocking(true).expect("set");
+        let (mut lines, mut buffer, mut grasped, mut grasps_count) = (String::new(), [0; 512], None, [0; 2]);
+        loop {
+            let jaws = match grasped.map(|at: Instant| at.elapsed() > Duration::from_secs(2)) {
+                Some(false) => "holding force_n 10 target_n 10 opening_mm 30",
+                Some(true) => then,
+                None => "open force_n 0 opening_mm 100",
+            };
+            match link.read(&mut buffer) {
+                Ok(0) => return grasps_count,
+                Ok(count) => lines.push_str(std::str::from_utf8(&buffer[..count]).expect("text")),
+                Err(_) => {} // nothing to read
+            }
+            let mut told = format!("GRIPPER jaws {jaws}\n");
+            while let Some((line, rest)) = lines.split_once('\n') {
+                if line.contains("GRASP") {
+                    grasps_count[usize::from(grasped.is_some())] += 1;
+                    grasped.get_or_insert_with(Instant::now);
+                }
+                told += &format!("ACK {line}\n");
+                lines = rest.into();
+            }
+            let _ = link.write_all(told.as_bytes()); // the client may have left
+            sleep(Duration::from_millis(20));
+        }
+    });
+    (address, server)
+}
+
+/// The jaws are opened by another program, and not closed again; or they have closed further just before the end.
+#[test]
+fn jaws_that_do_not_hold_at_the_end_have_held_nothing_to_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (clip, sensor) = pressed_finger(folder.path(), 2);
+    for (then, why) in [
+        ("open force_n 0 opening_mm 100", vec!["expected jaws that hold, got open"]),
+        // On a busy machine it lasts long enough to be a fault.
+        (
+            "closing force_n 0 opening_mm 30",
+            vec!["does not report that it holds", "expected jaws that hold, got closing"],
+        ),
+    ] {
+        let (address, server) = holding_for_two_seconds(then);
+        let run = folder.path().join(&then[..4]).display().to_string();
+        let hold = ["hold", &clip, "--sensor", &sensor, "--gripper", &address, "-o", &run];
+        let output = command(&hold).output().expect("runs");
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{told}");
+        assert!(why.iter().any(|why| told.contains(why)), "{told}");
+        assert_eq!(server.join().expect("ends"), [1, 0], "{then}: {told}");
+    }
+}
+
 #[test]
 fn a_recording_falls_on_nothing_that_is_read_and_on_no_other_file() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -9,7 +9,7 @@ use crate::port::{
     GripCommand, GripperError, GripperErrorKind, GripperState, Jaws, LONGEST_TIME_TO_LIVE_NS, WristError,
     WristErrorKind, WristMotion, WristState,
 };
-use crate::task::TaskStep;
+use crate::task::{Phase, TaskStep};
 use std::borrow::Cow;
 use std::fmt;
 
@@ -19,7 +19,8 @@ const FAULT_TIMEOUT_NS: u64 = 10_000_000_000;
 /// Time without a fault after which the wrist may move again, ns.
 const CLEAR_AFTER_NS: u64 = 500_000_000;
 
-/// Longest time for a measured force to reach the commanded one, and for a wrist to begin a motion, ns.
+/// Longest time for a measured force to reach the commanded one, for jaws at work to be without a hold, and for a wrist to
+/// begin a motion, ns.
 const FOLLOW_NS: u64 = 1_500_000_000;
 
 /// Shortfall that is tolerated then: the largest of this force, N, this share of the command, and the error bound that
@@ -30,6 +31,9 @@ const SHORTFALL_FRACTION: f64 = 0.2;
 /// Share of the motion commanded in that time below which the wrist stands: less than an arm at its lowest speed makes
 /// of it, more than the noise of an encoder.
 const STANDS_FRACTION: f64 = 0.02;
+
+/// Jaws wider by this than they held have opened, mm; jaws that only report `open`, as after a fast stop, have not.
+const OPENED_MM: f64 = 1.0;
 
 /// Kind of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,6 +49,8 @@ pub enum FaultKind {
     JawsUnknown,
     /// The measured force stays below the commanded one.
     ForceShortfall,
+    /// The jaws held the object and do not report a hold any more.
+    HoldEnded,
     /// The wrist accepts motions and does not move.
     WristStands,
     /// One of a recorded run; its events tell which.
@@ -156,6 +162,40 @@ impl ForceShortfall {
             text: format!("gripper: expected {asked_n:.1} N per finger, measured {measured_n:.1} N for too long")
                 .into(),
         })
+    }
+}
+
+/// Checks whether jaws that are to hold, and held when the work began, hold still.
+#[derive(Debug, Default)]
+pub(super) struct HoldEnd {
+    since_ns: Option<u64>,
+    /// Opening with which they held last, mm.
+    held_mm: Option<f64>,
+    has_opened: bool,
+}
+
+impl HoldEnd {
+    /// The fault, at once when the jaws have opened, and else when they have not held for too long.
+    pub fn check(&mut self, now_ns: u64, state: &GripperState, step: &TaskStep) -> Option<Fault> {
+        let is_to_hold = matches!(step.phase, Phase::Working | Phase::Waiting) && step.grip != GripCommand::Release;
+        if !is_to_hold || !matches!(state.jaws, Jaws::Open | Jaws::Closing) {
+            let held_mm = if state.jaws == Jaws::Holding { state.opening_mm } else { self.held_mm };
+            *self = HoldEnd { held_mm, ..HoldEnd::default() };
+            return None;
+        }
+        let is_wider = self.held_mm.zip(state.opening_mm).is_some_and(|(held_mm, mm)| mm > held_mm + OPENED_MM);
+        self.has_opened = is_wider && state.jaws == Jaws::Open;
+        let since_ns = *self.since_ns.get_or_insert(now_ns);
+        let is_late = now_ns.saturating_sub(since_ns) > FOLLOW_NS;
+        (self.has_opened || is_late).then(|| Fault {
+            kind: FaultKind::HoldEnded,
+            text: format!("gripper: expected jaws that hold, got {}", state.jaws.name()).into(),
+        })
+    }
+
+    /// Whether the jaws have opened: a grasp would close them on whatever is between them now.
+    pub fn has_opened(&self) -> bool {
+        self.has_opened
     }
 }
 

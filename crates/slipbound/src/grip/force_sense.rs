@@ -113,6 +113,18 @@ impl ForceSense {
         (self.idle_n, self.is_idle_set) = (idle_n, true);
     }
 
+    /// The force, N per finger, of jaws that press with more than `least_n` without reporting a hold: the commanded one
+    /// if the reading agrees with it, which is then no idle reading, else the reading.
+    pub fn pressed_unreported(&mut self, state: &GripperState, least_n: f64) -> Option<f64> {
+        let reading_n = state.force_n.filter(|n| n.is_finite() && *n > least_n)?;
+        let agrees = |target_n: &f64| (reading_n - target_n).abs() <= error_n(state.force_error_n, *target_n);
+        let commanded_n = state.target_n.filter(agrees);
+        if commanded_n.is_some() {
+            self.set_idle(0.0);
+        }
+        commanded_n.or(Some(reading_n))
+    }
+
     /// The state with its force corrected. `may_touch`: something may be between the fingers, so the idle reading is
     /// not learned.
     pub fn see(&mut self, now_ns: u64, state: &GripperState, may_touch: bool) -> GripperState {
@@ -208,7 +220,7 @@ impl ForceSense {
     fn against(&mut self, mut average_n: f64, target_n: f64, target_stands: bool, error_n: Option<f64>) -> f64 {
         let (left_n, band_n) = self.left_and_band_n();
         let exact_n = EXACT_N.max(EXACT_FRACTION * target_n);
-        let stated_n = error_n.unwrap_or(ERROR_N.max(ERROR_FRACTION * target_n)).max(exact_n) + left_n;
+        let stated_n = self::error_n(error_n, target_n).max(exact_n) + left_n;
         let is_as_commanded = |force_n: f64| (force_n - target_n).abs() <= stated_n && force_n > 0.0;
         // An idle reading caused by the motor itself vanishes when the jaws press.
         let untared_n = average_n + self.idle_n;
@@ -228,6 +240,11 @@ impl ForceSense {
         let is_noise = self.noise_n() >= CLEAN_SD_N && self.is_still && (force_n - target_n).abs() <= band_n + exact_n;
         if is_noise { target_n } else { force_n }
     }
+}
+
+/// Error bound of a reading, N per finger: the one that the driver states, if any.
+fn error_n(stated_n: Option<f64>, target_n: f64) -> f64 {
+    stated_n.unwrap_or(ERROR_N.max(ERROR_FRACTION * target_n))
 }
 
 #[cfg(test)]

@@ -123,7 +123,7 @@ impl Guard {
         }
         self.blind = !sees && now_ns.saturating_sub(seen_ns) >= self.limits.blind_after_ns;
         self.never_lowers &= hand.state != SlipState::NoContact || gripper.jaws == Jaws::Holding;
-        let jaws_gone = matches!(gripper.jaws, Jaws::Lost | Jaws::Nothing | Jaws::Stopped);
+        let jaws_gone = matches!(gripper.jaws, Jaws::Lost | Jaws::Nothing | Jaws::Stopped | Jaws::Open);
         if sees && !jaws_gone {
             return None;
         }

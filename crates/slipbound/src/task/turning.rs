@@ -7,6 +7,7 @@ use super::step::{ARRIVED_RAD, Ending, Missing, Observation, PAUSE, Phase, TaskS
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
 use crate::hand::{Allowed, HandReport};
 use crate::monitor::SlipState;
+use crate::port::Jaws;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
 
@@ -175,8 +176,8 @@ impl Turning {
         let ending = if observation.is_lost() {
             Some(Ending::Lost)
         } else {
-            // Evidence from before the fingers went blind does not cover the turn since.
-            let sees = seen.state != SlipState::Unjudged;
+            // Evidence from before the fingers went blind does not cover the turn since, and without a hold there is none.
+            let sees = seen.state != SlipState::Unjudged && observation.gripper.jaws == Jaws::Holding;
             let seen_ending = sees
                 .then(|| end(TurnState { shear: &self.shear, turned_rad, slip_at_most, slips_rad: self.slips_rad }))
                 .flatten();

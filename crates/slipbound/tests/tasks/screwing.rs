@@ -4,7 +4,7 @@ use crate::synthetic::{FRAME_NS, gripper, hand};
 use slipbound::grip::{ArmMotion, GripController, GripDecision, Guard, Law};
 use slipbound::hand::{HandReport, HandVector};
 use slipbound::monitor::SlipState;
-use slipbound::port::{GripCommand, GripperState, WristMotion, WristState};
+use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};
 use slipbound::task::{ControllerKind, Ending, Observation, Phase, Task, TaskKind, TaskSettings};
 use std::sync::{Arc, Mutex};
 
@@ -17,20 +17,22 @@ struct Bench {
     slip: bool,
     /// Whether the gripper exerts the commanded force, or stays at 10 N.
     follows: bool,
+    jaws: Jaws,
     period_ns: u64,
 }
 
 impl Bench {
     fn new(kind: TaskKind) -> Self {
         let task = TaskSettings::default().task(kind, Some(0.05)).expect("valid");
-        Bench { task, now_ns: 0, force_n: 10.0, angle_rad: 0.0, slip: false, follows: true, period_ns: FRAME_NS }
+        let jaws = Jaws::Holding;
+        Bench { task, now_ns: 0, force_n: 10.0, angle_rad: 0.0, slip: false, follows: true, jaws, period_ns: FRAME_NS }
     }
 
     fn step(&mut self, shear_mm: f64) -> Phase {
         let mut report = if self.slip { hand(SlipState::Incipient) } else { hand(SlipState::Stick) };
         report.shear_mm = Some(HandVector { around: shear_mm, ..HandVector::default() });
         let wrist = WristState { time_ns: self.now_ns, angle_rad: self.angle_rad, lowered_mm: 0.0, moving: true };
-        let gripper = gripper(self.force_n);
+        let gripper = GripperState { jaws: self.jaws, ..gripper(self.force_n) };
         let step =
             self.task.step(&Observation { now_ns: self.now_ns, hand: &report, gripper: &gripper, wrist: &wrist });
         if let (GripCommand::Hold { force_n }, true) = (step.grip, self.follows) {
@@ -187,6 +189,13 @@ fn a_cap_is_open_when_the_torque_fell_and_stayed_down() {
     let (ending, angle_deg) = bench.run(|rad| if rad > -0.5 { 2.0 * rad } else { -0.1 }, |rad| rad < -0.3);
     assert_eq!(ending, Some(Ending::Opened));
     assert!((-44.0..-36.0).contains(&angle_deg), "10 deg after it fell at 29 deg: {angle_deg}");
+    // The cap has slipped out of the jaws, which close on.
+    let mut bench = Bench::new(TaskKind::Unscrew);
+    while bench.angle_rad > -0.5 {
+        bench.step(2.0 * bench.angle_rad);
+    }
+    bench.jaws = Jaws::Closing;
+    assert_eq!(bench.run(|_| -0.1, |_| false).0, Some(Ending::Limit));
 }
 
 #[test]

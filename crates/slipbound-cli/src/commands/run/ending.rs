@@ -18,6 +18,8 @@ pub struct Ended<'a> {
     pub sources: &'a [String],
     /// The force, N per finger.
     pub held_n: Option<f64>,
+    /// Whether the gripper reports that it holds.
+    pub holds: bool,
     /// What the task waited for.
     pub missing: Option<Missing>,
     /// The number of frames in which the rest frame is searched.
@@ -33,7 +35,8 @@ impl Ended<'_> {
             output.note(now_ns(), &format!("{e:#}"));
         }
         let RunScorer { mut score, phase, refused_lowering, tallies, .. } = scorer;
-        if ran.is_ok() && self.is_hold && matches!(phase, Some(Phase::Working | Phase::Waiting)) {
+        let is_at_work = ran.is_ok() && self.is_hold && matches!(phase, Some(Phase::Working | Phase::Waiting));
+        if is_at_work && self.holds {
             score.ending = Some(Ending::Held); // to the end of the source
         }
         let ending = score.ending;
@@ -55,6 +58,7 @@ impl Ended<'_> {
             None if phase == Some(Phase::Grasping) => {
                 Err(Failure::never_began(self.missing, refused_lowering.as_deref()))
             }
+            None if is_at_work => Err(anyhow!("at the end of the source {}", Missing::Hold.in_words()).into()),
             None => {
                 let (name, was) = (self.name, if phase == Some(Phase::Waiting) { "waiting" } else { "working" });
                 Err(anyhow!("the source ended before the task did: {name} was still {was}, its end was not seen")

@@ -20,7 +20,7 @@ use slipbound::control::ControlLoop;
 use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::hand::{Mounting, Side};
 use slipbound::monitor::Settings;
-use slipbound::port::{Gripper as _, Wrist};
+use slipbound::port::{Gripper as _, Jaws, Wrist};
 use slipbound::task::{ControllerKind, TaskKind, TaskSettings};
 use slipbound_rig::container::{Inlet, McapObserver, Recorder, TappedSource};
 use slipbound_rig::gripper::clamp_to_gripper;
@@ -192,7 +192,9 @@ impl Hardware {
             &mut observer,
         );
         let missing = control.task().missing();
-        let held_n = gripper.poll().ok().and_then(|state| state.pressed_n());
+        let state = gripper.poll().ok();
+        let held_n = state.and_then(|state| state.pressed_n());
+        let holds = state.is_some_and(|state| state.jaws == Jaws::Holding);
         drop(gripper);
         let (queued, scorer) = observer;
         let mut output = queued.finish();
@@ -201,7 +203,7 @@ impl Hardware {
         run_recording::finish(recorder, &mut output);
         let is_whole = note_frames(&names, &scorer.tallies, &cameras, &mut output);
         let (name, is_hold) = (work.name, work.is_hold);
-        let ended = Ended { name, is_hold, sources: &self.sources, held_n, missing, window_count, is_whole };
+        let ended = Ended { name, is_hold, sources: &self.sources, held_n, holds, missing, window_count, is_whole };
         ended.report(ran.map_err(Into::into), output, scorer)
     }
 
