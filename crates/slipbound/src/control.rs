@@ -10,8 +10,9 @@
 //! Guarantee: a fault of software or of a link never opens a hand. While gripper or wrist have a fault (a lost link, no
 //! answer, a refusal, a latched fast stop, jaws that no longer hold, a force or a wrist that does not follow) the wrist is
 //! paused, the force is kept (a command that the gripper does not reach may fall to what it exerts), and the loop
-//! continues to judge frames and waits, for up to ten seconds. Jaws that have opened are not closed again. On any other error the loop ends: the wrist is paused first, and the gripper keeps
-//! its force, or raises it to the blind force if that is set and higher.
+//! continues to judge frames and waits, for up to ten seconds. Jaws that have opened are not closed again. On any other
+//! error the loop ends: the wrist is paused first, and the gripper keeps its force, or raises it to the blind force if
+//! that is set and higher.
 //!
 //! The loop has no clock and no threads. Its driver calls [`ControlLoop::cycle`] when frames are due and
 //! [`Gripper::poll_io`] every few ms in between: `slipbound_rig::realtime` for hardware, `slipbound_lab::lockstep` for
