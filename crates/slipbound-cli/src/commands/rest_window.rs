@@ -63,6 +63,10 @@ impl<'a> Window<'a> {
         let found = finder.find().map_err(|e| Failure::work(source, e))?;
         match untouched.filter(|_| found.rest.kind() == RestKind::InContact) {
             None => Ok(found),
+            Some(asker) if found.is_moving => {
+                let (count, first) = (self.frames.len(), "a finger that nothing touches, and stationary frames of it");
+                Err(anyhow!("{asker}: {source}: expected {first}, got none among the first {count} frames").into())
+            }
             Some(asker) => {
                 let advice = advice_where_touched(sensor.skin);
                 let expected = format!("expected a finger that nothing touches, got one in contact: {advice}");

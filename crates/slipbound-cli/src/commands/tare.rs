@@ -56,7 +56,7 @@ impl Tare {
         let window = Window::read(&self.source, &mut recording, settings.rest.window_count)?;
         let (sensor, note) = finger::of(&self.source, window.size, asked.as_ref(), None)?;
         note.iter().for_each(|note| terminal.note(note));
-        let FoundRest { rest, seqs } = window.rest(&sensor, &settings, Some(&"tare"))?;
+        let FoundRest { rest, seqs, .. } = window.rest(&sensor, &settings, Some(&"tare"))?;
         let mut monitor = SlipMonitor::new(&sensor, &settings, rest.clone()).map_err(|e| window.refused(&sensor, e))?;
         if let Some(reason) = monitor.refusal() {
             return Err(anyhow!("{}: no frame could be judged against it: {reason}", self.source).into());

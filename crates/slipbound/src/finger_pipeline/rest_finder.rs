@@ -24,6 +24,8 @@ pub struct FoundRest {
     pub rest: Rest,
     /// Numbers of the frames averaged into it: from the first up to, not including, the last.
     pub seqs: Range<u64>,
+    /// Whether none of several frames stood still: then they are the first, and the finger counts as in contact.
+    pub is_moving: bool,
 }
 
 impl RestFinder {
@@ -82,6 +84,7 @@ impl RestFinder {
     /// show.
     pub fn find(&self) -> Result<FoundRest, RestError> {
         let choice = self.choose()?;
+        let is_moving = self.builder.is_moving(&choice);
         let run = &self.frames[choice.frames];
         let mut builder = self.builder.clone();
         for buffer in run {
@@ -90,7 +93,7 @@ impl RestFinder {
             builder.add(&frame)?;
         }
         let seqs = run.first().map_or(0, |f| f.seq)..run.last().map_or(0, |f| f.seq + 1);
-        Ok(FoundRest { rest: builder.build(choice.kind)?, seqs })
+        Ok(FoundRest { rest: builder.build(choice.kind)?, seqs, is_moving })
     }
 }
 

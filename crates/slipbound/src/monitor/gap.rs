@@ -46,7 +46,8 @@ impl Gap {
             _ => seq.saturating_sub(last_seq) > GAP_FRAMES_COUNT,
         };
         if is_gap {
-            self.began_ns = last_ns;
+            // That of a clock since set back says nothing about later times.
+            self.began_ns = last_ns.filter(|&last_ns| time_ns.is_none_or(|now_ns| now_ns >= last_ns));
         }
         is_gap
     }
@@ -87,6 +88,10 @@ mod tests {
         assert!([0, 1, 2, 6, 11].iter().all(|&seq| !numbered.see(seq, None)));
         assert!(numbered.see(17, None) && !numbered.see(3, None));
         assert_eq!(numbered.since_ns(None), None);
+
+        let mut set_back = Gap::default();
+        assert!(!set_back.see(0, ms(4000)) && set_back.see(1, ms(100)));
+        assert_eq!(set_back.since_ns(ms(200)), None, "the gap began on the old clock");
     }
 
     #[test]

@@ -18,7 +18,8 @@ pub struct RestSettings {
     pub window_count: u32,
     /// Most stationary frames to average. Ten reduce the noise of the rest frame to a third of that of one frame.
     pub average_count: u32,
-    /// Two frames in a row are stationary when 99 of 100 cells change by less than this.
+    /// Two frames in a row are stationary when 99 of 100 cells change by less than this. Where noise or compression exceeds
+    /// it in all first frames, it is the noise that counts.
     pub calm_levels: f64,
     /// A frame counts as dark when its brightness deviates from the window's median by more than this share.
     pub brightness_fraction: f64,

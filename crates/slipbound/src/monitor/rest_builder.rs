@@ -21,7 +21,7 @@ use crate::monitor::settings::Settings;
 use crate::plane::Vec2;
 use crate::sensor::{Flip, Sensor, Skin};
 use crate::setting::SettingError;
-use choose::CellImage;
+use choose::{CellImage, STATIONARY_FRAMES_COUNT};
 use sharpness::{Sharpness, covered, wide_radius_px};
 
 /// Painted gels with markers close together are up to 5.4 levels sharp untouched, weaves taken for a gel 38.
@@ -126,6 +126,8 @@ impl RestBuilder {
     }
 
     /// The stationary run to average. Frames of unusual brightness (dark, stale, a camera still settling) are skipped.
+    /// Frames are stationary when they change by less than [`calm_levels`](crate::monitor::RestSettings::calm_levels) or,
+    /// if no run of several frames does, by no more than noise. If none is stationary, the first one is chosen, as touched.
     /// A run of several frames is preferred to a shorter one, and an untouched run to a touched one. Of untouched runs
     /// that show the same, the first is chosen, or the longest if the first has less than half of the frames to
     /// average. If they differ, one of them is touched too lightly to be detected by itself: then the first is chosen,
@@ -135,6 +137,12 @@ impl RestBuilder {
     /// `looks` are the results of [`RestBuilder::look`] in order.
     pub fn choose(&self, looks: &[RestLook]) -> Result<RestChoice, RestError> {
         choose::choose(looks, &self.looks, &self.settings.rest, &self.settings.contact)
+    }
+
+    /// Whether a choice among several frames is not a stationary run, because there is none.
+    pub(crate) fn is_moving(&self, choice: &RestChoice) -> bool {
+        let least_count = STATIONARY_FRAMES_COUNT.min(self.settings.rest.average_count as usize);
+        choice.frames.len() < least_count && self.looks.len() >= STATIONARY_FRAMES_COUNT
     }
 
     /// The spots of the last image, px.

@@ -27,6 +27,10 @@ const IN_CONTACT: &str = "starts in contact: displacement counts from the first 
 const HELD: &str = "an object is held from the first frame on: displacement counts from the first stationary frames, the contact \
                     region of a smooth gel is taken from the imprint itself";
 
+/// The same if no first frames stand still.
+const IN_MOTION: &str = "starts in motion: none of the first frames is stationary, and displacement counts from the first one, as if \
+                         something touched the finger there";
+
 /// The rest frame, and what it was made from.
 pub struct Found {
     /// The rest frame.
@@ -59,6 +63,7 @@ pub fn find(
     }
     let saved = given.as_ref().and_then(RestInput::finger);
     let (sensor, note) = sensor_for(window.size, saved)?;
+    let mut is_moving = false;
     let (rest, origin) = match (&args.rest, given) {
         (Some(_), Some(RestInput::Saved(saved, file))) => {
             saved.check(&sensor, settings, &file).map_err(refused)?;
@@ -70,14 +75,21 @@ pub fn find(
         }
         (argument, _) => {
             let live = argument.as_ref().filter(|argument| matches!(argument, RestArgument::Live(_)));
-            let FoundRest { rest, seqs } = window.rest(&sensor, settings, live.map(|live| live as &dyn Display))?;
+            let found = window.rest(&sensor, settings, live.map(|live| live as &dyn Display))?;
+            let FoundRest { rest, seqs, .. } = found;
+            is_moving = found.is_moving;
             let origin = RestOrigin { kind: rest.kind().into(), frames: Some([seqs.start, seqs.end]) };
             (rest, origin)
         }
     };
     let held = settings.rest.held;
-    let report_note = (rest.kind() == RestKind::InContact).then(|| if held { HELD } else { IN_CONTACT }.to_owned());
-    let told = report_note.iter().filter(|_| !held).map(|n| format!("{}: {n}", args.source));
+    let said = match () {
+        _ if is_moving => IN_MOTION,
+        _ if held => HELD,
+        _ => IN_CONTACT,
+    };
+    let report_note = (rest.kind() == RestKind::InContact).then(|| said.to_owned());
+    let told = report_note.iter().filter(|_| !held || is_moving).map(|n| format!("{}: {n}", args.source));
     let notes = note.into_iter().chain(told).collect();
     Ok(Found { rest, sensor, origin, report_note, notes })
 }

@@ -5,7 +5,11 @@ use crate::monitor::rest::{RestError, RestKind, RestSettings};
 use std::ops::Range;
 
 /// Fewer stationary frames in a row than this may be the turning point of a motion.
-const STATIONARY_FRAMES_COUNT: usize = 3;
+pub(super) const STATIONARY_FRAMES_COUNT: usize = 3;
+/// Noise changes an image by the same over two frames as over one (within 4 % in compressed images of a finger that stands
+/// still), a steady motion by twice as much: what changes by less than this many times the noise, in the middle between
+/// both, is noise.
+const NOISE_RATIO: f64 = 1.5;
 
 /// Features of one candidate frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,15 +37,24 @@ pub struct RestChoice {
 }
 
 /// The run to average, by the rules of [`RestBuilder::choose`](crate::monitor::RestBuilder::choose). `images`: the
-/// cells of the same frames, in the same order; runs without them are taken to show the same.
+/// cells of the same frames, in the same order; runs without them are taken to show the same, and no noise is told from a
+/// motion without them.
 pub(super) fn choose(
     looks: &[RestLook],
     images: &[CellImage],
     settings: &RestSettings,
     contact: &ContactSettings,
 ) -> Result<RestChoice, RestError> {
-    let runs = runs(looks, settings)?;
-    let mut choice = match settings.held {
+    let usual = of_usual_brightness(looks, settings)?;
+    let has_long = |runs: &[RestChoice]| runs.iter().any(is_long);
+    let mut runs = calm_runs(&usual, looks, settings);
+    if !has_long(&runs) {
+        let noisy = noisy_runs(&usual, looks, images, settings);
+        runs = if has_long(&noisy) { noisy } else { runs };
+    }
+    // An image that does not come to rest is not that of an untouched finger, whatever a frame of it looks like.
+    let moves = usual.len() >= STATIONARY_FRAMES_COUNT && !has_long(&runs);
+    let mut choice = match settings.held || moves {
         true => RestChoice { kind: RestKind::InContact, ..long_runs(&runs)[0].clone() },
         false => best_run(&runs, looks, settings, |a, b| differ(a, b, images, contact)),
     };
@@ -49,9 +62,13 @@ pub(super) fn choose(
     Ok(choice)
 }
 
-/// The runs of [`STATIONARY_FRAMES_COUNT`] frames or more, or all if there is none.
+fn is_long(run: &RestChoice) -> bool {
+    run.frames.len() >= STATIONARY_FRAMES_COUNT
+}
+
+/// The long runs, or all if there is none.
 fn long_runs(runs: &[RestChoice]) -> Vec<&RestChoice> {
-    let long: Vec<&RestChoice> = runs.iter().filter(|r| r.frames.len() >= STATIONARY_FRAMES_COUNT).collect();
+    let long: Vec<&RestChoice> = runs.iter().filter(|r| is_long(r)).collect();
     if long.is_empty() { runs.iter().collect() } else { long }
 }
 
@@ -84,8 +101,8 @@ fn best_run(
     choice
 }
 
-/// Stationary runs of frames of the usual brightness, in order; at least one.
-fn runs(looks: &[RestLook], settings: &RestSettings) -> Result<Vec<RestChoice>, RestError> {
+/// The frames of the usual brightness, in order; at least one.
+fn of_usual_brightness(looks: &[RestLook], settings: &RestSettings) -> Result<Vec<usize>, RestError> {
     let mut brightness: Vec<f64> = looks.iter().filter_map(|l| l.mean_levels).collect();
     let unusable_count = looks.len() - brightness.len();
     brightness.sort_unstable_by(f64::total_cmp);
@@ -94,17 +111,46 @@ fn runs(looks: &[RestLook], settings: &RestSettings) -> Result<Vec<RestChoice>, 
     };
     let bright =
         |l: &RestLook| l.mean_levels.is_some_and(|m| (m - median).abs() <= settings.brightness_fraction * median);
+    Ok((0..looks.len()).filter(|&i| bright(&looks[i])).collect())
+}
+
+/// Runs of frames without motion, by the settings.
+fn calm_runs(usual: &[usize], looks: &[RestLook], settings: &RestSettings) -> Vec<RestChoice> {
+    runs(usual, looks, settings, |_, i| looks[i].change_levels < settings.calm_levels)
+}
+
+/// Runs of frames that differ by noise alone, where that is more than the settings call calm. Noise is in every change:
+/// it is no more than the least one, but for repeated images.
+fn noisy_runs(usual: &[usize], looks: &[RestLook], images: &[CellImage], settings: &RestSettings) -> Vec<RestChoice> {
+    let changes = usual.iter().map(|&i| looks[i].change_levels);
+    let noise = changes.filter(|change| *change > 0.0).fold(f64::INFINITY, f64::min);
+    let limit = settings.calm_levels.max(NOISE_RATIO * noise);
+    // A slow motion exceeds noise once it has gone on for some frames.
+    let since = |first: usize, i: usize| match (images.get(first), images.get(i)) {
+        (Some(first), Some(now)) => now.change_levels(first),
+        _ => f64::INFINITY,
+    };
+    runs(usual, looks, settings, |first, i| looks[i].change_levels < limit && since(first, i) < limit)
+}
+
+/// The frames in runs. `goes_on`: whether a run that began with one frame goes on with another.
+fn runs(
+    usual: &[usize],
+    looks: &[RestLook],
+    settings: &RestSettings,
+    goes_on: impl Fn(usize, usize) -> bool,
+) -> Vec<RestChoice> {
     let mut runs: Vec<RestChoice> = Vec::new();
-    for (i, look) in looks.iter().enumerate().filter(|(_, l)| bright(l)) {
-        let kind = if look.touched { RestKind::InContact } else { RestKind::Unloaded };
+    for &i in usual {
+        let kind = if looks[i].touched { RestKind::InContact } else { RestKind::Unloaded };
         match runs.last_mut() {
-            Some(run) if run.frames.end == i && run.kind == kind && look.change_levels < settings.calm_levels => {
+            Some(run) if run.frames.end == i && (settings.held || run.kind == kind) && goes_on(run.frames.start, i) => {
                 run.frames.end = i + 1;
             }
             _ => runs.push(RestChoice { frames: i..i + 1, kind }),
         }
     }
-    Ok(runs)
+    runs
 }
 
 /// Whether only one of two runs shows a contact: as many cells as in a contact differ by as much as in a contact.
@@ -175,6 +221,22 @@ mod tests {
         assert_eq!(choose(&looks, &[]), Ok(RestChoice { frames: 0..6, kind: RestKind::InContact }));
     }
 
+    #[test]
+    fn noise_above_the_calm_level_is_no_motion_and_no_frame_of_a_motion_is_at_rest() {
+        let shows = |levels: f32| CellImage { cells: vec![[levels; 3]; 100], covered: vec![false; 100] };
+        let choose_of = |looks: Vec<RestLook>, step: f32| {
+            let images: Vec<_> = (0..20).map(|i| shows(step * i as f32)).collect();
+            choose(&looks, &images)
+        };
+        // A slide smears an imprint: one frame of it looks untouched.
+        let change = |i: usize| if (7..14).contains(&i) { 40.0 } else { 6.5 };
+        let choice = choose_of((0..20).map(|i| look(90.0, change(i), i != 10)).collect(), 0.0);
+        assert_eq!(choice, Ok(RestChoice { frames: 0..7, kind: RestKind::InContact }));
+        // As much change from frame to frame, but it adds up.
+        let choice = choose_of((0..20).map(|i| look(90.0, 6.5, i < 10)).collect(), 6.5);
+        assert_eq!(choice, Ok(RestChoice { frames: 0..1, kind: RestKind::InContact }));
+    }
+
     /// Looks of a sequence of frames: `u` untouched, `t` touched; capital where the image has changed since the
     /// previous frame.
     fn row(shown: &str) -> Vec<RestLook> {
@@ -192,7 +254,9 @@ mod tests {
     #[test]
     fn what_is_known_to_be_held_is_in_contact_however_little_shows_and_whatever_comes_later() {
         let settings = RestSettings { held: true, ..RestSettings::default() };
-        for (shown, frames) in [("UuuuuuUUU", 0..6), ("TtttUUUuuuuuuu", 0..4), ("TuUUuuu", 3..7), ("UUU", 0..1)] {
+        for (shown, frames) in
+            [("UuuuuuUUU", 0..6), ("TtttUUUuuuuuuu", 0..4), ("TuUUuuu", 3..7), ("UUU", 0..1), ("TututtuTTTttttt", 0..7)]
+        {
             let choice = super::choose(&row(shown), &[], &settings, &ContactSettings::default());
             assert_eq!(choice, Ok(RestChoice { frames, kind: RestKind::InContact }), "{shown}");
         }
