@@ -127,11 +127,11 @@ impl RestBuilder {
 
     /// The stationary run to average. Frames of unusual brightness (dark, stale, a camera still settling) are skipped.
     /// Frames are stationary when they change by less than [`calm_levels`](crate::monitor::RestSettings::calm_levels) or,
-    /// if no run of several frames does, by no more than noise. If none is stationary, the first one is chosen, as touched.
-    /// A run of several frames is preferred to a shorter one, and an untouched run to a touched one. Of untouched runs
-    /// that show the same, the first is chosen, or the longest if the first has less than half of the frames to
-    /// average. If they differ, one of them is touched too lightly to be detected by itself: then the first is chosen,
-    /// and it counts as touched if it is the sharper one. If the settings say that an object is
+    /// if no run of several frames does, by no more than noise. If none is stationary and one shows an imprint, the
+    /// first one is chosen, as touched. A run of several frames is preferred to a shorter one, and an untouched run to a
+    /// touched one. Of untouched runs that show the same, the first is chosen, or the longest if the first has less than
+    /// half of the frames to average. If they differ, one of them is touched too lightly to be detected by itself: then
+    /// the first is chosen, and it counts as touched if it is the sharper one. If the settings say that an object is
     /// [`held`](crate::monitor::RestSettings::held), the first run is chosen, as touched.
     ///
     /// `looks` are the results of [`RestBuilder::look`] in order.

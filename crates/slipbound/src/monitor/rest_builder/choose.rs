@@ -52,8 +52,10 @@ pub(super) fn choose(
         let noisy = noisy_runs(&usual, looks, images, settings);
         runs = if has_long(&noisy) { noisy } else { runs };
     }
-    // An image that does not come to rest is not that of an untouched finger, whatever a frame of it looks like.
-    let moves = usual.len() >= STATIONARY_FRAMES_COUNT && !has_long(&runs);
+    // If an image with an imprint does not come to rest, no frame of it is that of an untouched finger, whatever it looks
+    // like: a sliding imprint is blurred. Without an imprint in any frame it may be the light that flickers.
+    let has_imprint = usual.iter().any(|&i| looks[i].touched);
+    let moves = usual.len() >= STATIONARY_FRAMES_COUNT && has_imprint && !has_long(&runs);
     let mut choice = match settings.held || moves {
         true => RestChoice { kind: RestKind::InContact, ..long_runs(&runs)[0].clone() },
         false => best_run(&runs, looks, settings, |a, b| differ(a, b, images, contact)),
@@ -235,6 +237,9 @@ mod tests {
         // As much change from frame to frame, but it adds up.
         let choice = choose_of((0..20).map(|i| look(90.0, 6.5, i < 10)).collect(), 6.5);
         assert_eq!(choice, Ok(RestChoice { frames: 0..1, kind: RestKind::InContact }));
+        // A light that flickers over an untouched finger.
+        let choice = choose_of((0..20).map(|i| look(90.0, [7.0, 40.0][i % 2], false)).collect(), 0.0);
+        assert_eq!(choice, Ok(RestChoice { frames: 0..1, kind: RestKind::Unloaded }));
     }
 
     /// Looks of a sequence of frames: `u` untouched, `t` touched; capital where the image has changed since the
