@@ -269,6 +269,12 @@ impl ControlLoop {
 
     /// The step of the task, or that on a fault.
     fn decide(&mut self, observation: &Observation<'_>, wrist_fault: Option<Fault>) -> Decided {
+        if self.hold_end.has_opened() && observation.gripper.jaws == Jaws::Holding {
+            // Somebody grasped the object again, with a force of their own.
+            let GripperState { target_n, force_n, .. } = *observation.gripper;
+            let held_n = force_n.filter(|n| n.is_finite()).into_iter().chain(target_n).fold(0.0, f64::max);
+            self.task.grip_mut().raise_to(held_n);
+        }
         let step = self.task.step(observation);
         let shortfall = self.shortfall.check(observation.now_ns, observation.gripper, &step);
         // A force that the gripper does not reach need not be kept.
@@ -340,8 +346,9 @@ impl ControlLoop {
             }
         } else {
             let may_hold = !is_unloaded || hand.state != SlipState::NoContact;
-            let least_n = 0.5 * self.task.grip().limits().least_n;
-            let pressed_n = if may_hold { self.force.pressed_unreported(state, least_n) } else { None };
+            // A grasp lowers only what presses harder; a lower reading may be the bias of a sensor.
+            let start_n = self.task.grip().limits().start_n;
+            let pressed_n = if may_hold { self.force.pressed_unreported(state, start_n) } else { None };
             let Some(pressed_n) = pressed_n else { return Ok(()) };
             self.task.grip_mut().raise_to(pressed_n);
         }

@@ -445,9 +445,13 @@ impl Wrist for Lifts {
 fn jaws_that_hold_no_more_are_a_fault_and_are_not_closed_again_once_they_have_opened() {
     let mut settings = hold();
     (settings.lift.lift_mm, settings.grip.blind_force_n) = (200.0, Some(30.0));
-    for (jaws, opening_mm, fault_after) in
-        [(Jaws::Open, Some(28.0), 46), (Jaws::Open, Some(60.0), 0), (Jaws::Closing, Some(27.0), 46)]
-    {
+    // The last: number of commands after which none follows.
+    for (jaws, opening_mm, fault_after, last_command) in [
+        (Jaws::Open, Some(28.0), 46, None),
+        (Jaws::Open, Some(60.0), 0, Some(30)),
+        (Jaws::Open, None, 46, Some(30 + 46)),
+        (Jaws::Closing, Some(27.0), 46, None),
+    ] {
         let mut control = control(scenes(&[(20, Scene::Open), (90, Scene::Held(0.0))]), &settings);
         let mut gripper = MyGripper { reports: Some((jaws, opening_mm, 30..usize::MAX)), ..MyGripper::default() };
         let (mut wrist, mut began, mut faulted) = (Lifts::default(), None, None);
@@ -467,16 +471,39 @@ fn jaws_that_hold_no_more_are_a_fault_and_are_not_closed_again_once_they_have_op
                 "{jaws:?} {opening_mm:?}: cycle {cycle}, moves: {moves}"
             );
         }
-        let has_opened = opening_mm == Some(60.0);
         assert_eq!(faulted.zip(began).map(|(at, from)| at - from), Some(fault_after), "{jaws:?} {opening_mm:?}");
         assert!(gripper.commands.iter().all(|told| told.force_n() == Some(10.0)), "{:?}", gripper.commands);
-        assert_eq!(gripper.commands.len() == 30, has_opened, "{}", gripper.commands.len());
+        let commands_count = gripper.commands.len();
+        assert!(last_command.map_or(commands_count > 80, |last| commands_count == last), "{commands_count}");
         let error = control.cycle(105 * FRAME_NS + 10_000_000_000, &mut gripper, &mut wrist, &mut ());
         let error = error.expect_err("it is left").to_string();
         assert!(error.contains(&format!("expected jaws that hold, got {}", jaws.name())), "{error}");
         let last_n = gripper.commands.last().and_then(GripCommand::force_n);
-        assert_eq!(last_n, Some(if has_opened { 10.0 } else { 30.0 }), "the blind force, for what may be held");
+        let blind_n = if last_command.is_some() { 10.0 } else { 30.0 };
+        assert_eq!(last_n, Some(blind_n), "the blind force, for what may be held");
     }
+}
+
+#[test]
+fn jaws_that_somebody_opened_and_closed_on_the_object_again_keep_their_force() {
+    let mut control = control(scenes(&[(20, Scene::Open), (120, Scene::Held(0.0))]), &hold());
+    let reports = Some((Jaws::Open, Some(60.0), 30..31));
+    let (mut gripper, mut wrist) = (MyGripper { reports, ..MyGripper::default() }, MyWrist::default());
+    for cycle in 0..130 {
+        match cycle {
+            80 => gripper.reports = Some((Jaws::Closing, Some(40.0), 30..31)),
+            85 => (gripper.reports, gripper.command) = (None, Some(GripCommand::Hold { force_n: 40.0 })),
+            _ => {}
+        }
+        assert!(cycle < 60 || cycle > 85 || gripper.commands.len() == 30, "cycle {cycle}: {}", gripper.commands.len());
+        control.cycle(cycle * FRAME_NS, &mut gripper, &mut wrist, &mut ()).expect("goes on");
+    }
+    assert!(control.fault().is_none());
+    let (before, after) = gripper.commands.split_at(30);
+    assert!(before.iter().all(|told| told.force_n() == Some(10.0)) && after.len() > 30);
+    // Lowered slowly, as any force that the controller has not asked for, and only while nothing slips.
+    let forces_n: Vec<f64> = after.iter().filter_map(GripCommand::force_n).collect();
+    assert!(forces_n[0] > 39.8 && forces_n.windows(2).all(|two| two[0] - two[1] < 5.1 / 30.0), "{after:?}");
 }
 
 #[test]

@@ -2,7 +2,6 @@
 //! address.
 
 use super::error::Error;
-use super::robotiq::status::speed_of_count;
 use crate::config::{self, Layer};
 use serde::{Deserialize, Serialize};
 use slipbound::setting::SettingError;
@@ -110,6 +109,9 @@ pub enum Kind {
 /// Largest bias of a force reading, either way, N per finger: a lower reading is no measurement.
 pub(super) const MOST_BIAS_N: f64 = 10.0;
 
+/// Slowest and fastest motion of a Robotiq, mm/s, by its data sheet.
+pub(super) const ROBOTIQ_SPEEDS_MM_PER_S: (f64, f64) = (20.0, 150.0);
+
 /// Largest force of a gripper that does not tell it, N per finger, unless it is set higher.
 const UNKNOWN_MOST_N: f64 = 80.0;
 
@@ -212,7 +214,7 @@ impl Config {
         within("most_n", self.most_n, self.least_n, most_n)?;
         within("open_mm", self.open_mm, 0.0, self.stroke_mm())?;
         let (slowest, fastest) = match self.kind {
-            Kind::Robotiq => (speed_of_count(0), speed_of_count(255)),
+            Kind::Robotiq => ROBOTIQ_SPEEDS_MM_PER_S,
             _ => (5.0, 420.0),
         };
         within("speed_mm_per_s", self.speed_mm_per_s, slowest, fastest)?;

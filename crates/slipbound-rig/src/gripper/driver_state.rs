@@ -1,6 +1,6 @@
 //! The state of any gripper's driver: address and settings, link, newest state of the gripper, faults and events.
 
-use super::config::{Config, Lowering};
+use super::config::{Config, Kind, Lowering};
 use super::error::Error;
 use super::grasp_tracker::GraspTracker;
 use crate::link::{LinkHealth, LinkProblem};
@@ -116,7 +116,12 @@ impl DriverState {
     /// The opening to release to, mm: wider than the object, whatever the settings say, as far as the jaws go. It never
     /// closes them.
     pub fn release_mm(&self) -> f64 {
-        let Config { open_mm, part_width_mm, .. } = self.config;
+        let Config { kind, open_mm, part_width_mm, .. } = self.config;
+        // How far the jaws of a line gripper go is known only from the setting.
+        let may_widen = kind != Kind::Line || self.gripper.opening_mm.is_none_or(|mm| mm >= open_mm);
+        if !may_widen {
+            return open_mm;
+        }
         let room_mm = if self.seems_to_hold() { RELEASE_ROOM_MM } else { 0.0 };
         let present_mm = self.gripper.opening_mm.map(|mm| mm + room_mm);
         let wider_mm = part_width_mm.map(|mm| mm + RELEASE_ROOM_MM).into_iter().chain(present_mm);

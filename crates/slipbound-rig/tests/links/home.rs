@@ -100,4 +100,13 @@ fn a_release_opens_wider_than_what_is_held_whatever_the_settings_say() {
         assert!(opened_mm > 3.5 && bench.plant.force_n == 0.0, "{name}, {width_mm} mm: {state:?}");
         bench.request(Request::Home).expect("open jaws hold nothing");
     }
+    // How far the jaws of a line gripper go is known from the setting only.
+    let mut bench = Bench::new("line", Config { open_mm: 50.0, ..config("line") }, "");
+    bench.plant.width_mm = Some(46.0);
+    bench.run(200);
+    bench.grip(40.0).expect("taken over");
+    bench.until(5000, |state| state.jaws == Jaws::Holding);
+    bench.release().expect("taken over");
+    bench.run(2000);
+    assert_eq!(bench.state().expect("there").opening_mm, Some(50.0));
 }

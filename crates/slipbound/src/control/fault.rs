@@ -183,10 +183,13 @@ impl HoldEnd {
             *self = HoldEnd { held_mm, ..HoldEnd::default() };
             return None;
         }
-        let is_wider = self.held_mm.zip(state.opening_mm).is_some_and(|(held_mm, mm)| mm > held_mm + OPENED_MM);
-        self.has_opened = is_wider && state.jaws == Jaws::Open;
         let since_ns = *self.since_ns.get_or_insert(now_ns);
         let is_late = now_ns.saturating_sub(since_ns) > FOLLOW_NS;
+        let is_wider = match self.held_mm.zip(state.opening_mm) {
+            Some((held_mm, mm)) => mm > held_mm + OPENED_MM,
+            None => is_late, // a fast stop is over by then
+        };
+        self.has_opened |= is_wider && state.jaws == Jaws::Open;
         (self.has_opened || is_late).then(|| Fault {
             kind: FaultKind::HoldEnded,
             text: format!("gripper: expected jaws that hold, got {}", state.jaws.name()).into(),

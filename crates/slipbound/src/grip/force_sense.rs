@@ -113,10 +113,10 @@ impl ForceSense {
         (self.idle_n, self.is_idle_set) = (idle_n, true);
     }
 
-    /// The force, N per finger, of jaws that press with more than `least_n` without reporting a hold: the commanded one
+    /// The force, N per finger, of jaws that press with more than `start_n` without reporting a hold: the commanded one
     /// if the reading agrees with it, which is then no idle reading, else the reading.
-    pub fn pressed_unreported(&mut self, state: &GripperState, least_n: f64) -> Option<f64> {
-        let reading_n = state.force_n.filter(|n| n.is_finite() && *n > least_n)?;
+    pub fn pressed_unreported(&mut self, state: &GripperState, start_n: f64) -> Option<f64> {
+        let reading_n = state.force_n.filter(|n| n.is_finite() && *n > start_n)?;
         let agrees = |target_n: &f64| (reading_n - target_n).abs() <= error_n(state.force_error_n, *target_n);
         let commanded_n = state.target_n.filter(agrees);
         if commanded_n.is_some() {

@@ -31,7 +31,7 @@ use crate::pixels::dots::Spot;
 use crate::pixels::template::Fit;
 use crate::plane::Vec2;
 use crate::sensor::{Sensor, Skin};
-use anchor::{Anchor, FEWEST_MARKERS};
+use anchor::Anchor;
 use detect::core_levels;
 use matching::Matching;
 use templates::{MarkerTemplates, TemplateMatch};
@@ -178,8 +178,7 @@ impl Markers {
             return;
         }
         let before = self.tracks.iter().map(|t| t.trusted);
-        let bonded_px = bonded_px(&self.all, &self.tracks);
-        let motion = self.anchor.find(m, &self.all, before.clone(), bonded_px, self.pitch_px);
+        let motion = self.anchor.find(m, &self.all, before.clone(), self.pitch_px);
         self.anchored = motion.is_some();
         m.predict(before.map(|place| place + motion.unwrap_or(Vec2::ZERO)));
     }
@@ -328,17 +327,4 @@ impl Markers {
 /// Whether a marker and its neighbours were out of contact in the previous frame.
 fn is_away(matching: &Matching, markers: &[Marker], i: usize) -> bool {
     !matching.with_neighbours(i).any(|n| markers[n].in_contact)
-}
-
-/// Mean displacement from rest of the markers out of contact when they were last trusted, px: there nothing but the
-/// surrounding gel pulls at it, which is bonded to its backing. None where no contact is seen, or leaves too few of them.
-fn bonded_px(markers: &[Marker], tracks: &[Track]) -> Option<Vec2> {
-    if !markers.iter().any(|m| m.in_contact) {
-        return None;
-    }
-    let out = || markers.iter().zip(tracks).filter(|(m, _)| !m.in_contact);
-    let mut sum = Vec2::ZERO;
-    out().for_each(|(m, track)| sum += track.trusted - m.rest);
-    let count = out().count();
-    (count >= FEWEST_MARKERS).then(|| sum / count as f64)
 }

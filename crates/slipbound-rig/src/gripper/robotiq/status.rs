@@ -1,6 +1,6 @@
 //! The status of a 2F-85, on either interface, and its numbers in newtons and mm.
 
-use crate::gripper::config::{Config, read_table};
+use crate::gripper::config::{Config, ROBOTIQ_SPEEDS_MM_PER_S, read_table};
 use slipbound::port::Jaws;
 
 /// Bits of the first output and input byte.
@@ -90,9 +90,10 @@ impl Status {
     }
 }
 
-/// The speed of a number, mm/s: 0 is 20, 255 is 150, by the data sheet.
+/// The speed of a number, mm/s.
 pub(crate) fn speed_of_count(count: u8) -> f64 {
-    20.0 + f64::from(count) * 130.0 / 255.0
+    let (slowest, fastest) = ROBOTIQ_SPEEDS_MM_PER_S;
+    slowest + f64::from(count) * (fastest - slowest) / 255.0
 }
 
 impl Config {

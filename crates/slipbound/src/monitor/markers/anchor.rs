@@ -8,8 +8,7 @@
 //! ```
 //!
 //! Printed and painted dots are some hundredths of a pitch off their grid, which distinguishes a marker from the next.
-//! Where they are not, those out of contact do: there the gel is held by its backing and moves by less than half a pitch.
-//! Where the contact fills the view, there is no result.
+//! Where they are not, there is no result.
 
 use super::matching::Matching;
 use crate::monitor::report::Marker;
@@ -26,12 +25,6 @@ const WORSE_FRACTION: f64 = 0.15;
 const CLEARLY_NEARER: f64 = 0.7;
 /// Two answers this near are the same.
 const SAME_PITCH: f64 = 0.5;
-/// Where the deviations do not decide, markers out of contact are on average this near to rest (of two answers a pitch
-/// apart at most one is): below 0.38 in a simulated layer of 3 mm whose contact is sheared by 1.5 pitches.
-const BONDED_PITCH: f64 = 0.5;
-
-/// Fewer markers than this tell no motion of a field.
-pub(super) const FEWEST_MARKERS: usize = 4;
 
 /// A candidate: the motion of the markers, and their median distance from the positions predicted by their neighbours.
 #[derive(Debug, Clone, Copy)]
@@ -53,15 +46,13 @@ impl Anchor {
         Anchor { offs_px: Vec::with_capacity(markers_count), answers: Vec::with_capacity(tried * tried) }
     }
 
-    /// The motion of the markers from `before`, px; None where two motions explain the spots equally well. `bonded_px`:
-    /// mean displacement from rest of the markers out of contact in `before`, if there are any. Clears the matches of
-    /// `matching`.
+    /// The motion of the markers from `before`, px; None where two motions explain the spots equally well. Clears the
+    /// matches of `matching`.
     pub(super) fn find(
         &mut self,
         matching: &mut Matching,
         markers: &[Marker],
         before: impl Iterator<Item = Vec2> + Clone,
-        bonded_px: Option<Vec2>,
         pitch_px: f64,
     ) -> Option<Vec2> {
         let steps = || {
@@ -84,16 +75,7 @@ impl Anchor {
             }
         }
         matching.clear();
-        self.clearly_best(pitch_px).or_else(|| {
-            let bonded_px = bonded_px?;
-            self.answers.retain(|a| (bonded_px + a.motion).length() <= BONDED_PITCH * pitch_px);
-            self.clearly_best(pitch_px)
-        })
-    }
-
-    /// The motion of the answer that deviates clearly less than any other.
-    fn clearly_best(&self, pitch_px: f64) -> Option<Vec2> {
-        let best = self.answers.iter().min_by(|a, b| a.off_px.total_cmp(&b.off_px))?;
+        let best = *self.answers.iter().min_by(|a, b| a.off_px.total_cmp(&b.off_px))?;
         let others = self.answers.iter().filter(|a| (a.motion - best.motion).length() > SAME_PITCH * pitch_px);
         let next_px = others.map(|a| a.off_px).fold(f64::MAX, f64::min);
         (best.off_px <= CLEARLY_NEARER * next_px).then_some(best.motion)
@@ -109,7 +91,7 @@ impl Anchor {
             count += 1.0;
             self.offs_px.push((spot - place).length());
         }
-        if self.offs_px.len() < FEWEST_MARKERS || 2 * self.offs_px.len() < markers.len() {
+        if self.offs_px.len() < 4 || 2 * self.offs_px.len() < markers.len() {
             return None;
         }
         let middle = self.offs_px.len() / 2;

@@ -127,12 +127,17 @@ fn noisy_runs(usual: &[usize], looks: &[RestLook], images: &[CellImage], setting
     let changes = usual.iter().map(|&i| looks[i].change_levels);
     let noise = changes.filter(|change| *change > 0.0).fold(f64::INFINITY, f64::min);
     let limit = settings.calm_levels.max(NOISE_RATIO * noise);
-    // A slow motion exceeds noise once it has gone on for some frames.
-    let since = |first: usize, i: usize| match (images.get(first), images.get(i)) {
-        (Some(first), Some(now)) => now.change_levels(first),
+    // A slow motion exceeds noise once it has gone on for some frames, a quick one to and fro between its ends.
+    let since = |before: usize, i: usize| match (images.get(before), images.get(i)) {
+        (Some(before), Some(now)) => now.change_levels(before),
         _ => f64::INFINITY,
     };
-    runs(usual, looks, settings, |first, i| looks[i].change_levels < limit && since(first, i) < limit)
+    let mut runs = runs(usual, looks, settings, |first, i| {
+        looks[i].change_levels < limit && (first..i).all(|before| since(before, i) < limit)
+    });
+    // Three frames may lie about one end of it.
+    runs.retain(|run| run.frames.len() > STATIONARY_FRAMES_COUNT);
+    runs
 }
 
 /// The frames in runs. `goes_on`: whether a run that began with one frame goes on with another.
@@ -236,6 +241,10 @@ mod tests {
         assert_eq!(choice, Ok(RestChoice { frames: 0..7, kind: RestKind::InContact }));
         // As much change from frame to frame, but it adds up.
         let choice = choose_of((0..20).map(|i| look(90.0, 6.5, i < 10)).collect(), 6.5);
+        assert_eq!(choice, Ok(RestChoice { frames: 0..1, kind: RestKind::InContact }));
+        // To and fro, by as much from frame to frame, and by more between the ends.
+        let images: Vec<_> = (0..20).map(|i| shows([0.0, 6.5, 0.0, -6.5][i % 4])).collect();
+        let choice = choose(&(0..20).map(|i| look(90.0, 6.5, i < 10)).collect::<Vec<_>>(), &images);
         assert_eq!(choice, Ok(RestChoice { frames: 0..1, kind: RestKind::InContact }));
         // A light that flickers over an untouched finger.
         let choice = choose_of((0..20).map(|i| look(90.0, [7.0, 40.0][i % 2], false)).collect(), 0.0);
