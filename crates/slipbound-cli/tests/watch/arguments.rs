@@ -30,7 +30,7 @@ fn every_help_explains_the_exit_codes() {
     for arguments in [&["--help"][..], &["-h"], &["watch", "--help"], &["watch", "-h"]] {
         let ended = Ended::of(trial.command(arguments).output().expect("runs"));
         ended.expect(0, &[]);
-        for code in ["0  done", "1  failed", "2  what was asked for cannot be", "3  finished, but frames were torn"] {
+        for code in ["0  done", "1  failed", "2  invalid request", "3  finished, but frames were torn"] {
             assert!(ended.out.contains(code), "no `{code}` in {arguments:?}: {ended:?}");
         }
     }
