@@ -32,7 +32,8 @@ const SHORTFALL_FRACTION: f64 = 0.2;
 /// of it, more than the noise of an encoder.
 const STANDS_FRACTION: f64 = 0.02;
 
-/// Jaws wider by this than they held have opened, mm; jaws that only report `open`, as after a fast stop, have not.
+/// Jaws wider by this than they held have opened, mm; jaws that only report `open`, as after a fast stop, have not, unless
+/// they tell no opening and do so for [`FOLLOW_NS`].
 const OPENED_MM: f64 = 1.0;
 
 /// Kind of a fault.
