@@ -66,6 +66,14 @@ impl Grip {
 
     /// Whether a reading is near the mean, or confirms an earlier one that is not.
     fn believes(&mut self, force_n: f64) -> bool {
+        // A reading that goes on from a doubted one in the same direction: a grip that changes fast.
+        let goes_on = |mean_n: f64, (doubted_n, _): (f64, f64)| {
+            (force_n - doubted_n).abs() > STRAY_N && (force_n - doubted_n) * (doubted_n - mean_n) > 0.0
+        };
+        if self.mean_n.zip(self.doubted).is_some_and(|(mean_n, doubted)| goes_on(mean_n, doubted)) {
+            self.doubted = None;
+            return true;
+        }
         if self.mean_n.is_none_or(|mean_n| !is_stray(force_n, mean_n)) {
             self.doubted = None;
             return true;
@@ -128,6 +136,14 @@ mod tests {
         assert_eq!(means(&[Some(1.0), Some(60.0), Some(1.0), Some(60.0)]), [Some(20.0); 4], "no two agree");
         assert_eq!(means(&[Some(9.0), Some(9.0), Some(9.0)]), [Some(20.0), Some(20.0), Some(10.2)]);
         assert_eq!(means(&[Some(12.0)]), [Some(13.2)], "a firm gripper that lets go a little");
+    }
+
+    #[test]
+    fn a_grip_that_changes_several_fold_in_a_few_frames_is_followed() {
+        let grows = means(&[45.0, 60.0, 75.0, 90.0].map(Some));
+        assert_eq!(grows, [20.0, 57.0, 71.25, 85.5].map(Some), "only the first reading far from the mean is doubted");
+        assert_eq!(means(&[9.0, 5.0].map(Some)), [20.0, 6.2].map(Some), "likewise where it falls");
+        assert_eq!(means(&[45.0, 46.0].map(Some)), [20.0, 20.0].map(Some), "the same reading, seen in two frames");
     }
 
     #[test]
