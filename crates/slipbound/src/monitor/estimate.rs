@@ -115,6 +115,8 @@ struct FrameLoad {
     load_px3: f64,
     /// Middle of the contact, px.
     middle: Vec2,
+    /// See [`Load::lever_gain`].
+    lever_gain: f64,
     /// Area of the contact, including the part out of view.
     area_px2: f64,
 }
@@ -292,9 +294,11 @@ impl Estimator {
         self.load_px3 = (force_px3, measures.arm_px.recip() * moment_px4);
         self.turning_px3 = moment_px4 / measures.lever_px;
         let torque_px4 = self.torque_px4(elapsed_s, middle_px, markers, growth);
+        let lever_gain = self.load.lever_gain(markers, middle);
+        let load_px3 = measures.load_px3;
         self.estimate(
             &measures,
-            &FrameLoad { force_px3, torque_px4, load_px3: measures.load_px3, middle, area_px2: whole_px2 },
+            &FrameLoad { force_px3, torque_px4, load_px3, middle, lever_gain, area_px2: whole_px2 },
         );
     }
 
@@ -379,13 +383,19 @@ impl Estimator {
         elapsed_s
     }
 
-    /// Ratio of the load at gross slip to mu P: see [`indentation_gain`].
-    fn indentation_gain(&self, stiffness_n_per_px3: f64, grip_n: f64, seen: &FrameLoad) -> f64 {
+    /// Ratio of the load at gross slip to mu P: that of an object that has sunk in ([`indentation_gain`]), times that of a
+    /// contact that extends out of view ([`Load::lever_gain`]).
+    fn gain(&self, stiffness_n_per_px3: f64, grip_n: f64, seen: &FrameLoad) -> f64 {
         let force_px3 = seen.force_px3.length();
         let along = seen.force_px3 / force_px3.max(1e-9);
         let half_width_px = half_width_px(self.points.iter().map(|q| q.rest), seen.middle, along);
         let shear_px = grip_n / (stiffness_n_per_px3 * seen.area_px2.max(1.0));
-        indentation_gain(shear_px, half_width_px, force_px3 / seen.load_px3.max(1e-9))
+        let load_px3 = seen.load_px3.max(1e-9);
+        // With the longer lever, the torque counts as a smaller force.
+        let turning2 = (load_px3 * load_px3 - force_px3 * force_px3).max(0.0);
+        let less2 = turning2 * (1.0 - 1.0 / (seen.lever_gain * seen.lever_gain));
+        let whole_px3 = (load_px3 * load_px3 - less2).max(1e-18).sqrt();
+        indentation_gain(shear_px, half_width_px, force_px3 / load_px3) * (load_px3 / whole_px3)
     }
 
     fn estimate(&mut self, measures: &FieldMeasures, seen: &FrameLoad) {
@@ -411,7 +421,7 @@ impl Estimator {
                 at_s: self.time_s,
                 per_grip,
                 grip_n,
-                indentation_gain: self.indentation_gain(k, grip_n, seen),
+                gain: self.gain(k, grip_n, seen),
                 imprint_slides: self.imprint_slides,
                 log_used_sd,
             };

@@ -1,10 +1,10 @@
 //! Friction of a contact, accumulated over its frames: the friction is constant, the information per frame is not.
 //!
 //! ```text
-//!   a frame:  log mu = log (load / (grip x indentation_gain)) - log used, from trees of its own (prediction.rs)
+//!   a frame:  log mu = log (load / (grip x gain)) - log used, from trees of its own (prediction.rs)
 //!   known:    mean of the prior and the frames' log mu, each weighted by its information beyond the prior
 //!   after a regrip the field restarts from zero; after a lighter grip or a fallen load it contains residual slip:
-//!                               used <- the frame's and load / (grip x mu x indentation_gain), weighted by error
+//!                               used <- the frame's and load / (grip x mu x gain), weighted by error
 //! ```
 //!
 //! At the onset of gross slip all of the friction is used: that load is the best measure of it.
@@ -12,7 +12,8 @@
 //! A frame whose load is below the noise gives no information. At a small load a frame hardly distinguishes a rough
 //! contact from a slippery one: the trees then return the prior, which has no weight.
 //!
-//! `indentation_gain`: a curved object slides at more than mu P (indentation.rs).
+//! `gain`: load at gross slip over mu P. A curved object slides at more (indentation.rs); a contact that the view cuts holds
+//! more torque than the part in view (load.rs).
 
 use super::prediction::MAX_USED;
 use crate::monitor::frame_period::FRAME_S;
@@ -56,7 +57,7 @@ const SLIDES_LOG_SD: f64 = 0.15;
 const SLIDES_FRAMES: u32 = 3;
 const SLIDES_S: f64 = 0.05;
 /// Standard deviation of the change of log mu for a change of 1 in the logarithm of the grip force: what
-/// `indentation_gain` does not correct.
+/// `gain` does not correct.
 const DRIFT_LOG_SD: f64 = 0.2;
 /// Upper bound of the friction: a grip released while the gel is still sheared could give any value.
 const MOST_FRICTION: f64 = 3.0;
@@ -86,8 +87,8 @@ pub(super) struct FrictionSample {
     pub per_grip: f64,
     /// Grip force, N.
     pub grip_n: f64,
-    /// See [`indentation_gain`](super::indentation::indentation_gain).
-    pub indentation_gain: f64,
+    /// Load at gross slip over mu P.
+    pub gain: f64,
     /// Whether the imprint slides over the gel: a load that falls meanwhile does not count as fallen.
     pub imprint_slides: bool,
     /// Standard deviation of the logarithm of the used fraction.
@@ -118,7 +119,7 @@ pub(super) struct Friction {
     /// Logarithms of the largest grip force and of the largest load, N, since the field was restarted.
     most_log_grip: Option<f64>,
     most_log_load_n: Option<f64>,
-    /// Logarithms of load over grip force (divided by `indentation_gain`) and of grip force in the last frame.
+    /// Logarithms of load over grip force (divided by `gain`) and of grip force in the last frame.
     last_log_load_grip: Option<(f64, f64)>,
     /// Time of the last regrip under load, s, from which slip is counted again, and time of the last frame.
     regripped_s: Option<f64>,
@@ -216,7 +217,7 @@ impl Friction {
     /// Adds a frame. Returns the friction, once there is enough information, and `used` combined with what was known
     /// before.
     pub fn see(&mut self, sample: &FrictionSample, used: Estimate) -> (Option<Estimate>, Estimate) {
-        let load = (sample.per_grip / sample.indentation_gain).max(1e-6);
+        let load = (sample.per_grip / sample.gain).max(1e-6);
         let (log_load, log_grip) = (libm::log(load), libm::log(sample.grip_n.max(0.1)));
         self.last_log_load_grip = Some((log_load, log_grip));
         let (grip_fallen, load_fallen) = self.update_maxima(sample, log_grip);

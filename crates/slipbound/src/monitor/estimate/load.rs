@@ -30,6 +30,9 @@ struct Patch {
     /// is unknown.
     more_px2: f64,
     hidden_px2: f64,
+    /// In contact: the whole area in pitches squared, 1 inside, and the way from the marker to its middle, px.
+    whole_pitch2: f64,
+    to_middle_px: Vec2,
     /// Whether the marker is at the border.
     at_border: bool,
     /// Degree to which it counts as in contact, 0 to 1.
@@ -89,7 +92,7 @@ impl Load {
         let patch = |m: &Marker| {
             let at_border = [m.rest.x < low.x || m.rest.x > high.x, m.rest.y < low.y || m.rest.y > high.y];
             let free_px2 = pitch_px * (pitch_px + if at_border.contains(&true) { drag_width_px } else { 0.0 });
-            let free = Patch { free_px2, at_border: at_border.contains(&true), ..Patch::default() };
+            let free = Patch { free_px2, whole_pitch2: 1.0, at_border: at_border.contains(&true), ..Patch::default() };
             let Some(gel_half) = sensor.gel_half_px() else { return free };
             // Along each direction: the length that the marker represents in contact, and the part of it in view.
             let lengths = |at_border: bool, off_px: f64, gel_px: f64, view_px: f64| {
@@ -100,7 +103,14 @@ impl Load {
             let (x_px, x_seen_px) = lengths(at_border[0], off.x.abs(), gel_half.x, view_half.x);
             let (y_px, y_seen_px) = lengths(at_border[1], off.y.abs(), gel_half.y, view_half.y);
             let hidden_px2 = x_px * y_px - x_seen_px * y_seen_px;
-            Patch { more_px2: (x_px * y_px - free_px2).max(0.0), hidden_px2, ..free }
+            let outward = |length_px: f64, off_px: f64| ((length_px - pitch_px) / 2.0).copysign(off_px);
+            Patch {
+                more_px2: (x_px * y_px - free_px2).max(0.0),
+                hidden_px2,
+                whole_pitch2: (x_px / pitch_px) * (y_px / pitch_px),
+                to_middle_px: Vec2::new(outward(x_px, off.x), outward(y_px, off.y)),
+                ..free
+            }
         };
         Load {
             patches: markers.iter().map(patch).collect(),
@@ -164,6 +174,18 @@ impl Load {
     /// Area of the contact that is out of view, px2.
     pub fn hidden_px2(&self) -> f64 {
         self.patches.iter().map(|patch| patch.joined_fraction * patch.hidden_px2).sum()
+    }
+
+    /// Mean distance of the whole contact from `about` over that of its markers: more than 1 where the view cuts it.
+    pub fn lever_gain(&self, markers: &[Marker], about: Vec2) -> f64 {
+        let (mut whole, mut seen) = ((0.0, 0.0), (0.0, 0.0));
+        for (patch, m) in self.patches.iter().zip(markers) {
+            let (area, joined) = (patch.joined_fraction * patch.whole_pitch2, patch.joined_fraction);
+            whole = (whole.0 + area * (m.rest + patch.to_middle_px - about).length(), whole.1 + area);
+            seen = (seen.0 + joined * (m.rest - about).length(), seen.1 + joined);
+        }
+        let mean = |(sum, weight): (f64, f64)| sum / weight;
+        if whole.1 > 0.0 && seen.0 > 0.0 { mean(whole) / mean(seen) } else { 1.0 }
     }
 
     /// Area that all markers represent, px2.

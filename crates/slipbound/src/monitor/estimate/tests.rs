@@ -218,6 +218,53 @@ fn a_contact_that_the_view_cuts_goes_on_to_where_the_gel_ends() {
     assert!(small.hidden_px2 == 0.0 && small.load_n <= free.load_n, "{} {}", small.load_n, small.hidden_px2);
 }
 
+/// Mean distance of a rectangle, px, from a point.
+fn mean_radius_px(low: Vec2, high: Vec2, about: Vec2) -> f64 {
+    let step = (high - low) / 200.0;
+    let at = |i: usize| low + Vec2::new(step.x * ((i % 200) as f64 + 0.5), step.y * ((i / 200) as f64 + 0.5));
+    (0..40_000).map(|i| (at(i) - about).length()).sum::<f64>() / 40_000.0
+}
+
+/// [`Load::lever_gain`] of a contact over the columns of markers from `first` on, and over the rows up to `last`; and the
+/// point it is about, px.
+fn lever_gain_of(gel_mm: Option<[f64; 2]>, first: u32, last: u32) -> (f64, Vec2) {
+    let (mut sensor, mut markers) = finger(1.0);
+    (sensor.image_px, sensor.gel_mm) = (SizePx::new(360, 270), gel_mm);
+    markers.iter_mut().for_each(|m| m.in_contact = m.id % 12 >= first && m.id / 12 <= last);
+    let mut load = Load::new(&sensor, &markers, 0.0, (Vec2::new(33.0, 33.0), Vec2::new(327.0, 237.0)));
+    (0..60).for_each(|_| load.sum(0.1, &markers));
+    let touched: Vec<Vec2> = markers.iter().filter(|m| m.in_contact).map(|m| m.rest).collect();
+    let about = touched.iter().fold(Vec2::ZERO, |sum, place| sum + *place) / touched.len() as f64;
+    (load.lever_gain(&markers, about), about)
+}
+
+#[test]
+fn a_contact_that_the_view_cuts_holds_torque_out_of_view() {
+    let gel_mm = Some([25.0, 20.0]);
+    let (all, middle) = lever_gain_of(gel_mm, 0, 8);
+    // The view is of 360 x 270 px, the gel of 500 x 400.
+    let of = |x: f64, y: f64| mean_radius_px(middle - Vec2::new(x, y), middle + Vec2::new(x, y), middle);
+    let expected = of(250.0, 200.0) / of(180.0, 135.0);
+    assert!((all / expected - 1.0).abs() < 0.03 && expected > 1.3, "{all} for {expected}");
+    let (half, about) = lever_gain_of(gel_mm, 6, 8);
+    let whole_px = mean_radius_px(Vec2::new(180.0, 134.5 - 200.0), Vec2::new(179.5 + 250.0, 134.5 + 200.0), about);
+    let seen_px = mean_radius_px(Vec2::new(180.0, 0.0), Vec2::new(360.0, 270.0), about);
+    assert!((half / (whole_px / seen_px) - 1.0).abs() < 0.05, "{half} for {}", whole_px / seen_px);
+    assert_eq!(lever_gain_of(None, 0, 8).0, 1.0, "where the gel ends is not known");
+    assert_eq!(lever_gain_of(gel_mm, 12, 8).0, 1.0, "no contact");
+    // At the same friction, torque grows with the lever and a pull does not.
+    let (sensor, markers) = finger(1.0);
+    let estimator = Estimator::new(&sensor, &markers, true);
+    let gain = |force: f64, turning: f64, lever_gain: f64| {
+        let (force_px3, load_px3) = (Vec2::new(force, 0.0), libm::hypot(force, turning));
+        let seen = FrameLoad { force_px3, torque_px4: 0.0, load_px3, middle, lever_gain, area_px2: AREA_PX2 };
+        estimator.gain(1.0, 1.0, &seen)
+    };
+    assert!((gain(0.0, 7.0, 1.5) - 1.5).abs() < 1e-9 && (gain(7.0, 0.0, 1.5) / gain(7.0, 0.0, 1.0) - 1.0).abs() < 1e-9);
+    let both = 5.0 / libm::hypot(3.0, 4.0 / 1.5);
+    assert!((gain(3.0, 4.0, 1.5) / gain(3.0, 4.0, 1.0) - both).abs() < 1e-9);
+}
+
 /// All markers move equally; those of the right column are whole, then cut by the border, then lost.
 #[test]
 fn a_column_that_leaves_the_view_is_not_missing_from_the_load() {

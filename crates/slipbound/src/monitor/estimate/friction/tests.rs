@@ -8,7 +8,7 @@ fn used(value: f64) -> Estimate {
 
 /// A frame of this load, and the standard deviation of its log used fraction.
 fn shown(per_grip: f64, grip_n: f64, log_used_sd: f64) -> FrictionSample {
-    FrictionSample { at_s: 0.0, per_grip, grip_n, indentation_gain: 1.0, imprint_slides: false, log_used_sd }
+    FrictionSample { at_s: 0.0, per_grip, grip_n, gain: 1.0, imprint_slides: false, log_used_sd }
 }
 
 /// Loaded up to a used fraction of 0.8 at 10 N.
@@ -55,7 +55,7 @@ fn it_is_load_over_grip_over_what_is_used_of_it_and_who_knows_it_better_counts_f
     let by_and_by = after(&by_and_by).expect("told");
     assert!(by_and_by.sd < 0.22 * by_and_by.value, "so does every third of a load that grows slowly: {by_and_by:?}");
     let mut deep_friction = Friction::default();
-    let deep = FrictionSample { indentation_gain: 1.25, ..shown(0.5, 10.0, 0.1) };
+    let deep = FrictionSample { gain: 1.25, ..shown(0.5, 10.0, 0.1) };
     let deep = (0..60).filter_map(|_| deep_friction.see(&deep, used(0.5)).0).last().expect("frames");
     assert!((deep.value - 0.76).abs() < 0.03, "{deep:?}");
 }
@@ -130,7 +130,7 @@ fn what_holds_a_load_has_the_friction_for_it() {
     assert!(held >= 0.85, "{held}");
     let after = told(&mut friction, &shown(0.2, 10.0, 0.2), 0.5);
     assert!((after - 0.4).abs() < 0.07, "a reading that was half of the grip is forgotten: {after}");
-    let indented = told(&mut loaded(0.4), &FrictionSample { indentation_gain: 1.5, ..shown(0.9, 10.0, 0.2) }, 0.6);
+    let indented = told(&mut loaded(0.4), &FrictionSample { gain: 1.5, ..shown(0.9, 10.0, 0.2) }, 0.6);
     assert!((0.56..0.65).contains(&indented), "the far side bears a third of it: {indented}");
 }
 
