@@ -25,17 +25,22 @@ impl Allowed {
     /// Whether this slip is in a direction that is not allowed.
     pub fn forbids(&self, slip: &HandSlip) -> bool {
         let d = slip.direction;
-        let part = |component: f64, allowed: bool| if allowed { 0.0 } else { component };
-        let outside = HandVector {
-            along: part(d.along, self.along),
-            across: part(d.across, self.across),
-            around: part(d.around, self.around),
-        };
+        let outside = self.outside(d);
         // It slides in an unknown direction, or the fingers disagree: not allowed unless all directions are.
         let is_unknown = d.length() == 0.0 && !slip.pivots && !(self.along && self.across && self.around);
         let slides = d.length() > 0.0 && outside.length() > STRAY_SIN;
         let pivots = slip.pivots && !self.pivot;
         slides || pivots || is_unknown
+    }
+
+    /// The components in directions that are not allowed.
+    pub(crate) fn outside(&self, vector: HandVector) -> HandVector {
+        let part = |component: f64, allowed: bool| if allowed { 0.0 } else { component };
+        HandVector {
+            along: part(vector.along, self.along),
+            across: part(vector.across, self.across),
+            around: part(vector.around, self.around),
+        }
     }
 
     /// The report as a controller should see it: without slip in an allowed direction, and without the margin that this

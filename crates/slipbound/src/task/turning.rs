@@ -21,7 +21,8 @@ pub struct SlideSettings {
     pub window_rad: f64,
     /// Growth of the shear over that turn, as a fraction of the shear, that still counts as flat.
     pub flat_fraction: f64,
-    /// Least ratio of load to grip force; below it a flat shear means a cap that turns freely.
+    /// Least ratio of load, without what drags along the thread, to grip force; below it a flat shear means a cap that
+    /// turns freely.
     pub least_mu: f64,
 }
 
@@ -202,9 +203,12 @@ impl Turning {
     }
 
     /// Whether the fingers slide around the cap. Always false where the stiffness of the gel is unknown: a cap that
-    /// turns freely looks the same then.
+    /// turns freely looks the same then. The load that counts is in directions that are not allowed: a thread drags the
+    /// fingers along, too, while its cap follows them.
     fn slides(&self, hand: &HandReport, pressed_n: Option<f64>, turned_rad: f64) -> bool {
-        let load_n = self.stiffness_mpa_per_mm.and_then(|stiffness| hand.load_n(stiffness));
+        let shear_mm = hand.shear_mm.map(|shear| self.allowed.outside(shear));
+        let held = HandReport { shear_mm, ..*hand };
+        let load_n = self.stiffness_mpa_per_mm.and_then(|stiffness| held.load_n(stiffness));
         let (Some(load_n), Some(pressed_n)) = (load_n, pressed_n) else { return false };
         let SlideSettings { window_rad, flat_fraction, least_mu } = self.slide;
         let slid_lately = self.slid_rad.is_some_and(|at_rad| turned_rad - at_rad <= 2.0 * window_rad);

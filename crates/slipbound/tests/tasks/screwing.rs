@@ -15,6 +15,8 @@ struct Bench {
     force_n: f64,
     angle_rad: f64,
     slip: bool,
+    /// Shear along the fingers once the thread has dragged them along by it, mm.
+    along_mm: f64,
     /// Whether the gripper exerts the commanded force, or stays at 10 N.
     follows: bool,
     jaws: Jaws,
@@ -25,12 +27,13 @@ impl Bench {
     fn new(kind: TaskKind) -> Self {
         let task = TaskSettings::default().task(kind, Some(0.05)).expect("valid");
         let jaws = Jaws::Holding;
-        Bench { task, now_ns: 0, force_n: 10.0, angle_rad: 0.0, slip: false, follows: true, jaws, period_ns: FRAME_NS }
+        let (slip, along_mm, follows) = (false, 0.0, true);
+        Bench { task, now_ns: 0, force_n: 10.0, angle_rad: 0.0, slip, along_mm, follows, jaws, period_ns: FRAME_NS }
     }
 
     fn step(&mut self, shear_mm: f64) -> Phase {
         let mut report = if self.slip { hand(SlipState::Incipient) } else { hand(SlipState::Stick) };
-        report.shear_mm = Some(HandVector { around: shear_mm, ..HandVector::default() });
+        report.shear_mm = Some(HandVector { around: shear_mm, along: self.along_mm.min(self.angle_rad), across: 0.0 });
         let wrist = WristState { time_ns: self.now_ns, angle_rad: self.angle_rad, lowered_mm: 0.0, moving: true };
         let gripper = GripperState { jaws: self.jaws, ..gripper(self.force_n) };
         let step =
@@ -130,6 +133,14 @@ fn fingers_that_slide_unseen_round_a_cap_are_noticed_by_the_load() {
     // 6.67 N per mm: 0.6 mm is 4 N of 10, flat from 0.3 rad on, and no marker shows slip.
     let (ending, _) = bench.run(|rad| (2.0 * rad).min(0.6), |_| false);
     assert!(bench.force_n > 10.0, "{ending:?} at {} N", bench.force_n);
+}
+
+/// A cap that follows its thread drags the fingers along: with 6.67 N per mm 2.7 N of 10, and 1.7 N around.
+#[test]
+fn what_the_thread_drags_along_is_no_slide_round_the_cap() {
+    let mut bench = Bench { along_mm: 0.4, ..Bench::new(TaskKind::Screw) };
+    let (ending, _) = bench.run(|rad| rad.min(0.25), |_| false);
+    assert_eq!((ending, bench.force_n), (Some(Ending::Limit), 10.0));
 }
 
 /// A controller whose force is never the same twice, as that of one which follows the load; where told so it adds 2 N
