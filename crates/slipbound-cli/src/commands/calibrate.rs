@@ -11,12 +11,26 @@ use anyhow::anyhow;
 use slipbound::calibrate::{Calibration, FRAMES_MOST, calibrate};
 use slipbound::image::Frame;
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
-use slipbound::sensor::{Polarity, Skin};
+use slipbound::sensor::{Polarity, Sensor, Skin};
 use slipbound_rig::calibration::{self, HangingMass, HangingMassError, MeasuredShear, ShearFileError};
 use slipbound_rig::sensors;
 use slipbound_rig::source::{ReadAhead, most_common_size};
 use std::fs;
 use std::path::Path;
+
+/// Fewest rows of an image in which the threads of a fabric skin are wide enough: three pixels on the simulated finger.
+const FABRIC_ROWS: usize = 300;
+
+/// What to tell of a fabric skin whose images have too few rows.
+fn coarse_weave_note(sensor: &Sensor) -> Option<String> {
+    let rows = sensor.image_px.height;
+    (sensor.skin == Skin::Fabric && rows < FABRIC_ROWS).then(|| {
+        format!(
+            "expected images of {FABRIC_ROWS} rows or more for a fabric skin, got {rows}: the threads of the weave are too \
+             narrow there, and contact and slip will be reported falsely"
+        )
+    })
+}
 
 /// Heaviest mass that makes sense on a fingertip, g.
 const HEAVIEST_G: f64 = 20_000.0;
@@ -51,6 +65,9 @@ impl Calibrate {
                  if something touches the finger there, say which frames: --frames A..B",
                 self.source
             ));
+        }
+        if let Some(note) = coarse_weave_note(&found.sensor) {
+            terminal.note(&format!("{}: {note}", self.source));
         }
         let [from, to] = found.averaged.map(|i| same[i].seq);
         if !found.untouched {
@@ -191,5 +208,21 @@ impl Calibrate {
                 self.source
             ))),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slipbound::image::SizePx;
+
+    #[test]
+    fn a_weave_of_too_few_rows_is_told_of() {
+        let of = |rows: usize, skin: Skin| {
+            let sensor = sensors::load("gelslim").expect("built in");
+            coarse_weave_note(&Sensor { skin, image_px: SizePx::new(4 * rows / 3, rows), ..sensor })
+        };
+        assert!(of(240, Skin::Fabric).is_some_and(|note| note.contains("300 rows or more for a fabric skin, got 240")));
+        assert_eq!((of(300, Skin::Fabric), of(240, Skin::Smooth)), (None, None));
     }
 }

@@ -141,9 +141,26 @@ impl fmt::Display for CalibrationError {
                  {error_pitch:.3} from {markers_count} markers {rms_pitch:.3} pitch RMS off it (average more frames, or \
                  show more of the gel)"
             ),
+            CalibrationError::Fact(e) if e.key == "marker_diameter_px" => {
+                write!(f, "{e}, as measured in the images: scale them so that the markers have such a size")
+            }
             CalibrationError::Fact(e) => e.fmt(f),
         }
     }
 }
 
 impl std::error::Error for CalibrationError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn markers_of_a_size_that_nobody_gave_are_told_with_what_to_do() {
+        let fact = |key: &str| {
+            CalibrationError::Fact(SettingError { key: key.into(), got: "66.3".into(), expected: "a number".into() })
+        };
+        assert!(fact("marker_diameter_px").to_string().ends_with("scale them so that the markers have such a size"));
+        assert!(!fact("pitch_px").to_string().contains("scale"));
+    }
+}
