@@ -302,6 +302,13 @@ fn a_recording_is_judged_with_the_sensor_file_that_goes_with_it() {
         assert_eq!(took, more.is_empty(), "{}", printed(&done));
     }
     assert_eq!(lines("own.jsonl"), lines("given.jsonl"));
+    // A recording of the recording brings it along, whatever its name ends in.
+    let again = slipbound_in(folder.path(), &["record", "rec.mcap", "-o", "again.mcap", "--finger", "index"]);
+    assert!(again.status.success(), "{}", printed(&again));
+    fs::rename(folder.path().join("again.mcap"), folder.path().join("AGAIN.MCAP")).expect("renamed");
+    let done = slipbound_in(folder.path(), &["watch", "AGAIN.MCAP", "--json", "again.jsonl"]);
+    assert!(printed(&done).contains("took index.sensor.toml of AGAIN.MCAP"), "{}", printed(&done));
+    assert_eq!(lines("again.jsonl"), lines("own.jsonl"));
 }
 
 #[test]

@@ -127,16 +127,24 @@ pub fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, Error> {
 /// `FILE.mcap` or `FILE.mcap#TOPIC`, or the same for a `.db3`, as file and topic; None for anything else, and if there
 /// is no such file.
 pub fn mcap_file(uri: &str) -> Option<(&str, Option<&str>)> {
-    let is_it = |path: &str| [".mcap", ".db3"].iter().any(|end| path.ends_with(end)) && Path::new(path).is_file();
+    let is_it = |path: &str| {
+        let path = Path::new(path);
+        ["mcap", "db3"].iter().any(|ending| has_ending(path, ending)) && path.is_file()
+    };
     if is_it(uri) {
         return Some((uri, None));
     }
     uri.rsplit_once('#').filter(|(path, _)| is_it(path)).map(|(path, topic)| (path, Some(topic)))
 }
 
+/// Whether a file's name ends so, in capital or small letters.
+pub fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending))
+}
+
 #[cfg(feature = "mcap")]
 fn open_mcap(path: &Path, topic: Option<&str>) -> Result<Box<dyn FrameSource + Send>, Error> {
-    if path.extension().is_some_and(|extension| extension == "db3") {
+    if has_ending(path, "db3") {
         return Ok(Box::new(crate::container::Db3Source::open(path, topic)?));
     }
     Ok(Box::new(crate::container::McapSource::open(path, topic)?))

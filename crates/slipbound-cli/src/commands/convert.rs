@@ -6,6 +6,7 @@ use crate::terminal::Terminal;
 use anyhow::anyhow;
 use slipbound_rig::container::{self, ConvertError};
 use slipbound_rig::run::Error;
+use slipbound_rig::source;
 use std::path::PathBuf;
 
 /// The arguments of `slipbound convert`.
@@ -24,7 +25,7 @@ impl Convert {
     pub fn run(&self) -> Result<Outcome, Failure> {
         let (from, to) = (&self.from, &self.output);
         inputs::refuse_stdout("--output", to, "the name of a file or folder")?;
-        let is_mcap = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "mcap");
+        let is_mcap = |path: &PathBuf| source::has_ending(path, "mcap");
         let converted = match (from.is_dir(), is_mcap(to)) {
             (true, true) => {
                 inputs::refuse_within("--output", to, from)?;

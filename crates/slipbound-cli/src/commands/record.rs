@@ -1,7 +1,7 @@
 //! `slipbound record`: writes frames of cameras into an MCAP file, as they come.
 
 use super::inputs;
-use super::recording::{refuse_images_of_one_folder, refused};
+use super::recording::{enclosed_sensor, refuse_images_of_one_folder, refused};
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
@@ -35,7 +35,7 @@ pub struct Record {
     /// Name of a finger, given once for every source [default: finger, or left and right]
     #[arg(long, value_name = "NAME", value_parser = finger_name)]
     finger: Vec<String>,
-    /// The sensor of every finger, to go with the recording: a built-in name or a sensor file
+    /// The sensor of every finger, to go with the recording: a built-in name or a sensor file [default: those that the sources bring along]
     #[arg(long, value_name = "NAME|FILE.toml")]
     sensor: Option<String>,
     /// Duration in seconds, of a recording by the times of its frames, which it must have [default: until Ctrl-C or the end of every source]
@@ -62,14 +62,19 @@ impl Record {
                 "--for-s: expected seconds above 0, at most {MOST_S}, got {for_s}"
             )));
         }
-        let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
+        let given = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
+        let of = |uri: &String| match &given {
+            Some(sensor) => Ok(Some(sensor.clone())),
+            None if source::is_live(uri) => Ok(None),
+            None => Ok(enclosed_sensor(uri)?.map(|(sensor, _)| sensor)),
+        };
+        let fingers = self.sources.iter().map(of).collect::<Result<Vec<_>, Failure>>()?;
         inputs::refuse_recording("--output", &self.output, &self.sources, &[self.sensor.as_deref().map(Path::new)])?;
         let recorder = Recorder::create(&self.output, &names, false)?;
-        if let Some(sensor) = sensor {
-            let text = toml::to_string(&sensor).map_err(|e| Failure::work("sensor", e))?;
-            names
-                .iter()
-                .for_each(|n| recorder.attach(&format!("{n}.sensor.toml"), "text/toml", text.clone().into_bytes()));
+        for (name, sensor) in names.iter().zip(&fingers) {
+            let Some(sensor) = sensor else { continue };
+            let text = toml::to_string(sensor).map_err(|e| Failure::work("sensor", e))?;
+            recorder.attach(&format!("{name}.sensor.toml"), "text/toml", text.into_bytes());
         }
         let mut terminal = Terminal::with_status();
         self.sources.iter().filter_map(|uri| source::doubtful_rate(uri)).for_each(|doubt| terminal.note(&doubt));

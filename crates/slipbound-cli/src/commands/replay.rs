@@ -4,6 +4,7 @@ use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
 use slipbound_rig::run::{self, ReplayError};
+use slipbound_rig::source;
 use std::path::PathBuf;
 
 /// The arguments of `slipbound replay`.
@@ -18,7 +19,7 @@ impl Replay {
     pub fn run(&self) -> Result<Outcome, Failure> {
         if self.folder.is_file() {
             let file = self.folder.display();
-            let advice = match self.folder.extension().is_some_and(|ending| ending == "mcap") {
+            let advice = match source::has_ending(&self.folder, "mcap") {
                 true => format!("; `slipbound convert {file} -o FOLDER` makes one of a recorded run"),
                 false => String::new(),
             };

@@ -100,7 +100,8 @@ pub fn of_recording(uri: &str) -> Result<Option<(Sensor, String)>, RecordingErro
 
 #[cfg(feature = "mcap")]
 fn within(uri: &str) -> Result<Option<(Sensor, String)>, RecordingError> {
-    let Some((file, topic)) = source::mcap_file(uri).filter(|(file, _)| file.ends_with(".mcap")) else {
+    let Some((file, topic)) = source::mcap_file(uri).filter(|(file, _)| source::has_ending(Path::new(file), "mcap"))
+    else {
         return Ok(None);
     };
     let attached = crate::container::attached_sensor(Path::new(file), topic)?;

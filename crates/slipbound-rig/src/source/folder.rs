@@ -35,6 +35,9 @@ impl Folder {
         for path in paths {
             all.push(path.map_err(|e| Error::Read { path: e.path().to_owned(), source: e.into() })?);
         }
+        let longest = all.iter().map(|path| longest_number(&path.to_string_lossy())).max().unwrap_or(0);
+        let numbered = with_numbers(pattern, longest);
+        all.retain(|path| numbered.iter().any(|pattern| pattern.matches_path(path)));
         Self::of_images(Path::new(pattern), all)
     }
 
@@ -53,7 +56,7 @@ impl Folder {
             }
             return Err(Error::NoImages { path: path.to_owned(), others_count: named.len() });
         }
-        files.sort_by(|a, b| natural_sort::compare(&a.to_string_lossy(), &b.to_string_lossy()));
+        natural_sort::sort(&mut files);
         Ok(Folder { files, next: 0 })
     }
 }
@@ -64,30 +67,68 @@ pub(super) fn other_image(path: &Path) -> Option<&'static str> {
     ENDINGS.into_iter().find(|ending| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending)))
 }
 
-/// A pattern with `%d` and `%06d`, as C and ffmpeg number files, in the form of this crate's patterns.
-fn without_numbers(pattern: &str) -> String {
-    let mut out = String::new();
+/// A pattern with `%d` and `%06d`, as C and ffmpeg number files, as its parts: text, and the least width of each number
+/// between them.
+fn numbers_of(pattern: &str) -> (Vec<String>, Vec<usize>) {
+    let (mut texts, mut widths) = (vec![String::new()], Vec::new());
     let mut rest = pattern;
     while let Some((before, after)) = rest.split_once('%') {
         let digits = after.bytes().take_while(u8::is_ascii_digit).count();
         let width = after[..digits].strip_prefix('0').map(str::parse::<usize>);
-        out.push_str(before);
-        match (after[digits..].strip_prefix('d'), width, digits) {
-            (Some(then), Some(Ok(width @ 1..=20)), _) => {
-                out.push_str(&"[0-9]".repeat(width));
+        let text = texts.last_mut().expect("never empty");
+        text.push_str(before);
+        let least = match (width, digits) {
+            (Some(Ok(width @ 1..=MOST_DIGITS)), _) => Some(width),
+            (None, 0) => Some(1),
+            _ => None,
+        };
+        match after[digits..].strip_prefix('d').zip(least) {
+            Some((then, least)) => {
+                widths.push(least);
+                texts.push(String::new());
                 rest = then;
             }
-            (Some(then), None, 0) => {
-                out.push('*');
-                rest = then;
-            }
-            _ => {
-                out.push('%');
+            None => {
+                text.push('%');
                 rest = after;
             }
         }
     }
-    out + rest
+    texts.last_mut().expect("never empty").push_str(rest);
+    (texts, widths)
+}
+
+/// Most digits of a number in a name.
+const MOST_DIGITS: usize = 20;
+
+/// The same with any text in place of numbers, in the form of this crate's patterns.
+fn without_numbers(pattern: &str) -> String {
+    numbers_of(pattern).0.join("*")
+}
+
+/// The patterns for numbers of every width up to the longest: the width in `%06d` is the least, and only a number as
+/// wide as that begins with zeros.
+fn with_numbers(pattern: &str, longest: usize) -> Vec<glob::Pattern> {
+    let (texts, widths) = numbers_of(pattern);
+    let mut patterns = vec![texts[0].clone()];
+    for (least, text) in widths.into_iter().zip(&texts[1..]) {
+        let number = |width: usize| match width > least && least > 1 {
+            true => format!("[1-9]{}", "[0-9]".repeat(width - 1)),
+            false => "[0-9]".repeat(width),
+        };
+        let one = |before: &String| {
+            (least..=longest.min(MOST_DIGITS))
+                .map(|width| format!("{before}{}{text}", number(width)))
+                .collect::<Vec<_>>()
+        };
+        patterns = patterns.iter().flat_map(one).collect();
+    }
+    patterns.iter().filter_map(|pattern| glob::Pattern::new(pattern).ok()).collect()
+}
+
+/// Digits of the longest number in a name.
+fn longest_number(name: &str) -> usize {
+    name.split(|c: char| !c.is_ascii_digit()).map(str::len).max().unwrap_or(0)
 }
 
 /// The image files that a folder, a pattern or the name of an image stands for; none where it is something else.
@@ -152,10 +193,21 @@ mod tests {
 
     #[test]
     fn numbers_as_c_writes_them_are_a_pattern() {
-        assert_eq!(without_numbers("run/%03d.png"), "run/[0-9][0-9][0-9].png");
-        assert_eq!(without_numbers("run/f%d_*.png"), "run/f*_*.png");
+        let folder = tempfile::tempdir().expect("a folder");
+        for name in ["f8", "f08", "f09", "f10", "f99", "f100", "f0101", "f9_mask", "f10_cam2", "fx"] {
+            std::fs::write(folder.path().join(format!("{name}.png")), "").expect("written");
+        }
+        let names = |pattern: &str| -> Vec<String> {
+            let found = Folder::matching(&folder.path().join(pattern).to_string_lossy());
+            let files = found.map_or_else(|_| Vec::new(), |found| found.files);
+            let stem = |path: &PathBuf| path.file_stem().expect("named").to_string_lossy().into_owned();
+            files.iter().map(stem).collect()
+        };
+        assert_eq!(names("f%02d.png"), ["f08", "f09", "f10", "f99", "f100"], "the width is the least");
+        assert_eq!(names("f%d.png"), ["f8", "f08", "f09", "f10", "f99", "f100", "f0101"]);
+        assert_eq!(names("f%d_cam%d.p?g"), ["f10_cam2"]);
         for plain in ["100%", "50%.png", "%s.png", "%6d.png", "%00d", "a%999999d.png"] {
-            assert_eq!(without_numbers(plain).matches('%').count(), plain.matches('%').count(), "{plain}");
+            assert_eq!(without_numbers(plain), plain);
         }
     }
 
