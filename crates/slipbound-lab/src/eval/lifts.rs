@@ -8,6 +8,8 @@
 //!
 //! The verdict uses only the frames: no name, no label, no opening of the gripper.
 
+mod shuffles;
+
 use super::clip_record::note_of_unjudged;
 use super::clip_verdict::{Latch, judged};
 use super::clip_watch::{RestFrom, Seen, is_judged};
@@ -202,7 +204,8 @@ impl Protocol for Lifts {
                 by_object.rows.push(row(object, &some));
             }
         }
-        vec![all, by_object]
+        let shuffled = self.refit.then(|| shuffles::table(&self.examples(records))).flatten();
+        [all, by_object].into_iter().chain(shuffled).collect()
     }
 
     fn settings(&self) -> Vec<(String, String)> {
@@ -215,6 +218,19 @@ impl Protocol for Lifts {
 }
 
 impl Lifts {
+    /// The clips of ours with a label and the evidence of their records.
+    fn examples<'a>(&'a self, records: &'a [TrialRecord]) -> Vec<Example<'a>> {
+        let example = |record: &'a TrialRecord| {
+            let latch = Latch {
+                relaxation: record.number_of("relaxation")?,
+                centre_rim_ratio: record.number_of("centre_rim_ratio"),
+                imprint_change: record.number_of("imprint_change"),
+            };
+            Some(Example { object: self.object_of(record), slips: record.truth?, latch })
+        };
+        records.iter().filter(|record| record.detector == "ours").filter_map(example).collect()
+    }
+
     /// The object of a record: from labels.csv, otherwise from the name of the clip.
     fn object_of<'a>(&'a self, record: &'a TrialRecord) -> &'a str {
         self.clips.labels.get(&record.trial).map_or(record.object.as_str(), |label| label.object.as_str())

@@ -1,3 +1,4 @@
+use super::shuffles::{left_out_scores, result, shuffled};
 use super::*;
 use crate::random::Random;
 
@@ -22,56 +23,33 @@ fn clips(random: &mut Random) -> Vec<Example<'static>> {
     clips
 }
 
-/// The scores of clips, each on the scale fitted to the clips of all other objects with the given labels.
-fn left_out_scores(clips: &[Example<'_>], labels: &[bool]) -> Vec<f64> {
-    let told: Vec<Example<'_>> = clips.iter().zip(labels).map(|(clip, &slips)| Example { slips, ..*clip }).collect();
-    let score = |clip: &Example<'_>| left_out_scale(&told, clip.object).map_or(0.0, |scale| clip.latch.score(&scale));
-    clips.iter().map(score).collect()
-}
-
-fn area(clips: &[Example<'_>], scores: &[f64]) -> f64 {
-    let of = |slips: bool| -> Vec<f64> {
-        clips.iter().zip(scores).filter(|(clip, _)| clip.slips == slips).map(|(_, &score)| score).collect()
-    };
-    auc(&of(true), &of(false)).value.expect("both kinds")
-}
-
-/// Areas under the curve of a scoring method if the labels for the fits are shuffled.
-fn shuffled_areas(
-    clips: &[Example<'_>],
-    random: &mut Random,
-    scores: impl Fn(&[Example<'_>], &[bool]) -> Vec<f64>,
-) -> Vec<f64> {
-    let mut labels: Vec<bool> = clips.iter().map(|clip| clip.slips).collect();
-    (0..200)
-        .map(|_| {
-            for i in (1..labels.len()).rev() {
-                labels.swap(i, (random.next_u64() % (i as u64 + 1)) as usize);
-            }
-            area(clips, &scores(clips, &labels))
-        })
-        .collect()
-}
-
 #[test]
 fn shuffled_training_labels_centre_on_chance_and_the_true_ones_beat_them() {
-    let mut random = Random::new(7);
-    let clips = clips(&mut random);
+    let clips = clips(&mut Random::new(7));
     let labels: Vec<bool> = clips.iter().map(|clip| clip.slips).collect();
-    let truly = area(&clips, &left_out_scores(&clips, &labels));
-    let areas = shuffled_areas(&clips, &mut random, left_out_scores);
-    let mean = areas.iter().sum::<f64>() / areas.len() as f64;
-    let beaten = areas.iter().filter(|area| **area < truly).count();
+    let truly = result(&clips, &left_out_scores(&clips, &labels)).expect("both kinds");
+    let areas = |others: Vec<Option<shuffles::Scored>>| -> Vec<f64> {
+        others.iter().map(|other| other.expect("both kinds").area).collect()
+    };
+    let others = areas(shuffled(&clips, left_out_scores));
+    let mean = others.iter().sum::<f64>() / others.len() as f64;
+    let beaten = others.iter().filter(|area| **area < truly.area).count();
     assert!((mean - 0.5).abs() < 0.1, "mean of shuffles {mean}");
-    assert!(beaten >= 198, "{truly} beats {beaten} of 200");
+    assert!(beaten >= 198, "{truly:?} beats {beaten} of 200");
 
     // The check detects a leak: a score that uses the clip's own label stays good with shuffled labels.
     let leaking = |clips: &[Example<'_>], labels: &[bool]| -> Vec<f64> {
         let honest = left_out_scores(clips, labels);
         honest.iter().zip(clips).map(|(score, clip)| score + 3.0 * f64::from(u8::from(clip.slips))).collect()
     };
-    let leaked = shuffled_areas(&clips, &mut random, leaking);
+    let leaked = areas(shuffled(&clips, leaking));
     assert!(leaked.iter().sum::<f64>() / leaked.len() as f64 > 0.9, "a leak is seen");
+
+    let table = shuffles::table(&clips).expect("both kinds");
+    assert_eq!(table.rows.len(), 2);
+    assert_eq!(table.rows[0][2], Cell::Count(truly.wrong_count as u64));
+    let held: Vec<Example<'_>> = clips.into_iter().filter(|clip| !clip.slips).collect();
+    assert!(shuffles::table(&held).is_none(), "nothing slipped");
 }
 
 #[test]
