@@ -342,6 +342,8 @@ fn an_unanswered_limit_is_sent_three_times_and_then_told() {
     driver.request(2, Request::Grip(command)).expect("taken over");
     let (mut errors, mut sent_count) = (Vec::new(), 0);
     for ms in 1..2000 {
+        tell(&mut driver, ms * MS, 0x40, &[1, 0, 0, 0]);
+        tell(&mut driver, ms * MS, 0x41, &[4]);
         tell(&mut driver, ms * MS, 0x45, &20f32.to_le_bytes());
         driver.tick(ms * MS);
         Parser::default().feed(&std::mem::take(driver.outgoing()), |frame| sent_count += usize::from(frame.id == 0x32));
@@ -380,6 +382,8 @@ fn a_grasp_that_was_not_accepted_is_given_again_when_it_is_asked_for_again() {
         }
         let mut errors = Vec::new();
         for ms in 4..1500 {
+            tell(&mut driver, ms, 0x40, &[0, 0, 1, 0, 0, 0]);
+            tell(&mut driver, ms, 0x41, &[0, 0, 0]);
             tell(&mut driver, ms, 0x45, &[&[0, 0], &0f32.to_le_bytes()[..]].concat());
             driver.tick(ms * MS);
             errors.extend(driver.state(ms * MS).err().map(|error| error.to_string()));
@@ -456,6 +460,7 @@ fn a_release_that_failed_under_way_is_given_again_and_one_that_somebody_aborted_
         tell(&mut driver, 3, 0x26, &26u16.to_le_bytes()); // in progress
         let end_ms = if end.is_some() { 100 } else { 10_000 };
         for ms in (10..end_ms).step_by(10) {
+            tell(&mut driver, ms, 0x40, &[0, 0, 1, 0, 0, 0]);
             tell(&mut driver, ms, 0x41, &[0, 0, 4]);
             driver.tick(ms * MS);
             driver.request(ms * MS, release).expect("taken over");

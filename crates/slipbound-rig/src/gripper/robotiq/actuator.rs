@@ -61,6 +61,8 @@ pub(super) struct Actuator {
     pub goal: Goal,
     /// None until everything has been received once since the link was made.
     status: Option<Status>,
+    /// When that was received, or the link made, ns.
+    pub status_ns: u64,
     /// Whether it has held something, and has been closed or closing ever since.
     has_held: bool,
     is_homing: bool,
@@ -70,15 +72,15 @@ pub(super) struct Actuator {
 
 impl Actuator {
     /// The same at the start of a new link.
-    pub fn relinked(&self) -> Self {
-        Actuator { has_held: self.has_held, ..Actuator::default() }
+    pub fn relinked(&self, now_ns: u64) -> Self {
+        Actuator { has_held: self.has_held, status_ns: now_ns, ..Actuator::default() }
     }
 
     /// Takes a status, which was requested after everything that was sent before. Returns whether earlier commands no
     /// longer count: a fault has begun, even if it ends by itself, or the gripper has not deactivated.
     pub fn take_status(&mut self, driver: &mut DriverState, status: Status) -> bool {
         let fault_before = self.status.and_then(|status| status.fault_in_words());
-        self.status = Some(status);
+        (self.status, self.status_ns) = (Some(status), driver.now_ns());
         let begun = status.fault_in_words().filter(|_| fault_before.is_none());
         let has_begun = begun.is_some();
         if let Some(why) = begun {

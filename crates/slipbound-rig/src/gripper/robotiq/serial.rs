@@ -86,8 +86,8 @@ impl Serial {
 }
 
 impl Protocol for Serial {
-    fn linked(&mut self, _driver: &mut DriverState) {
-        *self = Serial { actuator: self.actuator.relinked(), ..Serial::default() };
+    fn linked(&mut self, driver: &mut DriverState) {
+        *self = Serial { actuator: self.actuator.relinked(driver.now_ns()), ..Serial::default() };
     }
 
     fn receive(&mut self, driver: &mut DriverState, bytes: &[u8]) {
