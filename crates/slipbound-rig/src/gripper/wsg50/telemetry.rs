@@ -97,9 +97,8 @@ impl Telemetry {
         }
         let Some(place) = STATES.iter().position(|state| *state == id) else { return false };
         (self.asked_ns[place], self.told_ns[place]) = (Some(driver.now_ns()), driver.now_ns());
-        if code == status::OK {
-            self.take_state(driver, id, rest);
-        }
+        // A state that it cannot tell is not known.
+        self.take_state(driver, id, if code == status::OK { rest } else { &[] });
         true
     }
 
@@ -107,10 +106,7 @@ impl Telemetry {
         let value = || number(rest).map(f64::from);
         driver.gripper.time_ns = driver.now_ns();
         match id {
-            id::SYSTEM_STATE => match rest.first_chunk() {
-                Some(bits) => self.system = Some(u32::from_le_bytes(*bits)),
-                None => return,
-            },
+            id::SYSTEM_STATE => self.system = rest.first_chunk().map(|bits| u32::from_le_bytes(*bits)),
             id::GRASP_STATE => (self.grasp, self.is_grasp_old) = (rest.first().copied(), false),
             id::OPENING => driver.gripper.opening_mm = value().filter(|mm| (-10.0..=1000.0).contains(mm)),
             _ => driver.gripper.force_n = value().and_then(|own_n| driver.config.from_own_n(own_n)),
