@@ -263,12 +263,17 @@ impl DriverState {
             if self.config.settable_n(given_n) < from_n - SAME_FORCE_N {
                 return Err(Error::Lowering { address: self.address(), from_n, to_n: given_n });
             }
+            // Steps below the resolution must not add up.
+            if self.config.settable_n(given_n) < from_n {
+                given_n = from_n.min(most_n);
+            }
             given_n = self.doubted_n.map_or(given_n, |n| n.max(given_n));
         }
-        if given_n != asked_n && self.clamped_n != Some(asked_n) {
+        let is_clamped = (given_n - asked_n).abs() > SAME_FORCE_N;
+        if is_clamped && self.clamped_n != Some(asked_n) {
             self.push_event(DriverEvent::Clamped { asked_n, given_n });
         }
-        self.clamped_n = (given_n != asked_n).then_some(asked_n);
+        self.clamped_n = is_clamped.then_some(asked_n);
         Ok(given_n)
     }
 

@@ -93,6 +93,20 @@ fn a_force_reaches_a_protocol_only_after_it_was_admitted() {
     assert_eq!(events, [DriverEvent::Linked, clamped(500.0, 80.0), clamped(1.0, 5.0)]);
 }
 
+/// Steps below the resolution must not add up.
+#[test]
+fn many_steps_too_small_to_be_refused_lower_nothing() {
+    let (mut driver, commands) = holding();
+    driver.request(1, hold(40.0)).expect("more");
+    let mut asked_n = 40.0;
+    for _ in 0..1000 {
+        asked_n -= 0.009;
+        let _ = driver.request(1, hold(asked_n)); // refused, or 40 N are given
+    }
+    let least_n = commands.lock().expect("no panic").iter().filter_map(|command| command.force_n()).reduce(f64::min);
+    assert_eq!(least_n, Some(40.0));
+}
+
 #[test]
 fn a_gripper_that_is_not_ready_gets_no_command() {
     let recorder = Recorder::default();
