@@ -108,6 +108,11 @@ impl DriverState {
         self.unread_count = 0;
     }
 
+    /// A question was sent to a gripper that speaks only when it is asked: its silence counts from then.
+    pub fn asked(&mut self) {
+        self.link.asked(self.now_ns);
+    }
+
     /// Whether an object is, or may soon be, between the jaws.
     pub fn seems_to_hold(&self) -> bool {
         self.grasp.seems_to_hold(&self.gripper, &self.config)

@@ -68,6 +68,7 @@ pub struct Gcl {
 impl Gcl {
     fn send(&mut self, driver: &mut DriverState, message: Message, line: &str) {
         write_line(&mut driver.outgoing, line);
+        driver.asked();
         self.has_commanded |= !matches!(message, Message::Question(_));
         self.in_flight = Some(InFlight::new(driver.now_ns(), message));
     }

@@ -107,6 +107,28 @@ fn many_steps_too_small_to_be_refused_lower_nothing() {
     assert_eq!(least_n, Some(40.0));
 }
 
+/// It is asked and cannot have answered yet.
+#[test]
+fn a_pause_of_ours_is_no_silence_of_a_gripper_that_speaks_only_when_it_is_asked() {
+    for name in ["gcl", "robotiq", "robotiq-rtu"] {
+        let mut bench = Bench::of(name, "");
+        bench.run(1000);
+        let now_ns = bench.now_ns() + 700 * MS;
+        bench.driver.tick(now_ns);
+        bench.driver.state(now_ns).unwrap_or_else(|error| panic!("{name}: {error}"));
+        for ms in 0..600 {
+            bench.driver.tick(now_ns + ms * MS);
+        }
+        let silent = bench.driver.state(now_ns + 600 * MS);
+        assert!(matches!(silent, Err(Error::Silent { .. })), "{name}: {silent:?}");
+    }
+    // Whether more is to come of this answer is not yet known.
+    let mut driver = driver("robotiq", config("robotiq"));
+    driver.linked(0);
+    driver.receive(700 * MS, b"STA 3");
+    driver.state(700 * MS).expect("it is there");
+}
+
 #[test]
 fn a_gripper_that_is_not_ready_gets_no_command() {
     let recorder = Recorder::default();

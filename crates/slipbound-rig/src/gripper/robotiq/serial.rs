@@ -58,6 +58,7 @@ impl Serial {
             Message::Read => rtu::request_read(&mut driver.outgoing),
             Message::Write { outputs, .. } => rtu::request_write(&mut driver.outgoing, outputs),
         }
+        driver.asked();
         self.in_flight = Some(sent);
     }
 

@@ -221,6 +221,11 @@ impl Protocol for Socket {
             bytes = &bytes[room..];
             self.read_answer(driver);
         }
+        // An answer without an end counts only after a moment, but shows at once that the gripper is there.
+        let awaited = self.in_flight.as_ref().map(|sent| sent.message);
+        if matches!(awaited, Some(Message::Get(name)) if self.buffer.starts_with(name.as_bytes())) {
+            driver.heard();
+        }
     }
 
     fn tick(&mut self, driver: &mut DriverState) {
@@ -255,6 +260,7 @@ impl Protocol for Socket {
         };
         self.buffer.clear();
         write_line(&mut driver.outgoing, &line);
+        driver.asked();
         self.in_flight = Some(InFlight::new(driver.now_ns(), message));
     }
 
