@@ -270,6 +270,20 @@ fn holding_for_two_seconds(then: &'static str) -> (String, thread::JoinHandle<[u
     (address, server)
 }
 
+#[test]
+fn who_holds_to_the_end_of_the_time_with_half_the_force_has_failed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (clip, sensor) = pressed_finger(folder.path(), 8);
+    let (address, server) = holding_for_two_seconds("holding force_n 5 target_n 10 opening_mm 30");
+    let run = folder.path().join("run").display().to_string();
+    let hold = ["hold", &clip, "--sensor", &sensor, "--gripper", &address, "--for-s", "5", "-o", &run];
+    let output = command(&hold).output().expect("runs");
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.contains("expected 10.0 N per finger, measured 5.0 N"), "{told}");
+    server.join().expect("ends");
+}
+
 /// The jaws are opened by another program, and not closed again; or they have closed further just before the end.
 #[test]
 fn jaws_that_do_not_hold_at_the_end_have_held_nothing_to_it() {

@@ -28,8 +28,9 @@ impl<P: Protocol> Driver<P> {
 
     /// Accepts a request. An error means that it was not accepted.
     pub fn request(&mut self, now_ns: u64, request: Request) -> Result<(), Error> {
+        self.state.set_time(now_ns);
+        let jaws_told = self.check_jaws();
         let (state, protocol) = (&mut self.state, &mut self.protocol);
-        state.set_time(now_ns);
         match request {
             // A farewell needs a link that is up, not one that answers.
             Request::Leave if state.is_linked() => {}
@@ -38,6 +39,7 @@ impl<P: Protocol> Driver<P> {
         match request {
             Request::Grip(command) => {
                 protocol.check_ready(state)?;
+                jaws_told?;
                 let command = match command {
                     GripCommand::Hold { force_n } => {
                         let on_its_way_n = protocol.force_on_its_way(state);
@@ -47,7 +49,10 @@ impl<P: Protocol> Driver<P> {
                 };
                 protocol.grip(state, command)?;
             }
-            Request::Home => protocol.home(state)?,
+            Request::Home => {
+                jaws_told?;
+                protocol.home(state)?;
+            }
             Request::Acknowledge => protocol.acknowledge(state)?,
             Request::Leave => {
                 state.doubt_target(protocol.force_on_its_way(state));
@@ -63,7 +68,19 @@ impl<P: Protocol> Driver<P> {
     /// reported once.
     pub fn state(&mut self, now_ns: u64) -> Result<GripperState, Error> {
         self.state.set_time(now_ns);
-        self.state.report()
+        let state = self.state.report()?;
+        self.check_jaws()?;
+        Ok(state)
+    }
+
+    /// A gripper that answers but no longer tells what its jaws do may have opened them.
+    fn check_jaws(&self) -> Result<(), Error> {
+        let Some(since_ns) = self.protocol.jaws_untold_since_ns(&self.state) else { return Ok(()) };
+        let got_ms = self.state.now_ns().saturating_sub(since_ns) / 1_000_000;
+        match got_ms > self.state.config.silence_ms {
+            true => Err(Error::Untold { address: self.state.address(), got_ms }),
+            false => Ok(()),
+        }
     }
 
     /// Whether a request is still under way, or the first state is still awaited.

@@ -108,6 +108,11 @@ impl DriverState {
         self.unread_count = 0;
     }
 
+    /// A question was sent to a gripper that speaks only when it is asked: its silence counts from then.
+    pub fn asked(&mut self) {
+        self.link.asked(self.now_ns);
+    }
+
     /// Whether an object is, or may soon be, between the jaws.
     pub fn seems_to_hold(&self) -> bool {
         self.grasp.seems_to_hold(&self.gripper, &self.config)
@@ -263,12 +268,17 @@ impl DriverState {
             if self.config.settable_n(given_n) < from_n - SAME_FORCE_N {
                 return Err(Error::Lowering { address: self.address(), from_n, to_n: given_n });
             }
+            // Steps below the resolution must not add up.
+            if self.config.settable_n(given_n) < from_n {
+                given_n = from_n.min(most_n);
+            }
             given_n = self.doubted_n.map_or(given_n, |n| n.max(given_n));
         }
-        if given_n != asked_n && self.clamped_n != Some(asked_n) {
+        let is_clamped = (given_n - asked_n).abs() > SAME_FORCE_N;
+        if is_clamped && self.clamped_n != Some(asked_n) {
             self.push_event(DriverEvent::Clamped { asked_n, given_n });
         }
-        self.clamped_n = (given_n != asked_n).then_some(asked_n);
+        self.clamped_n = is_clamped.then_some(asked_n);
         Ok(given_n)
     }
 

@@ -49,6 +49,16 @@ pub enum Error {
         /// Silence so far, ms.
         got_ms: u64,
     },
+    /// The gripper answers, but not what its jaws do.
+    #[error(
+        "{address}: expected to be told what the jaws do, got only other answers for {got_ms} ms; the gripper keeps its force"
+    )]
+    Untold {
+        /// Where.
+        address: String,
+        /// Time since it was last told, ms.
+        got_ms: u64,
+    },
     /// The link is up, but nothing that comes through it is a message, and nothing ever was.
     #[error("{address}: expected a gripper, got {bytes_count} bytes that are no message: is it another interface?")]
     Unread {
@@ -170,9 +180,11 @@ impl Error {
     pub fn kind(&self) -> GripperErrorKind {
         match self {
             Error::Address { .. } | Error::Config(_) | Error::Unset { .. } => GripperErrorKind::Settings,
-            Error::Connect { .. } | Error::Lost { .. } | Error::Silent { .. } | Error::Unread { .. } => {
-                GripperErrorKind::Link
-            }
+            Error::Connect { .. }
+            | Error::Lost { .. }
+            | Error::Silent { .. }
+            | Error::Untold { .. }
+            | Error::Unread { .. } => GripperErrorKind::Link,
             Error::Unanswered { .. } => GripperErrorKind::Unanswered,
             Error::Refused { .. } | Error::Unable { .. } => GripperErrorKind::Refused,
             Error::Force { .. } => GripperErrorKind::Value,

@@ -11,10 +11,10 @@ use super::config::Config;
 use super::driver_state::DriverState;
 use super::error::Error;
 use super::goal::Goal;
-use super::protocol::Protocol;
+use super::protocol::{MISSES_COUNT, Protocol};
 use super::wsg50::words::{LINK_CUT, grasp, status};
 use crate::link::{InFlight, Lines, write_line};
-use message::{Message, QUESTIONS, is_name};
+use message::{Message, QUESTIONS, is_name, place};
 use slipbound::port::{DriverEvent, GripCommand, Jaws};
 
 /// A motion in progress.
@@ -38,8 +38,12 @@ pub struct Gcl {
     /// Which of [`QUESTIONS`] comes next, and when the first was last asked.
     question: usize,
     asked_ns: Option<u64>,
+    /// How often in a row each of [`QUESTIONS`] was not answered.
+    misses_count: [u32; QUESTIONS.len()],
     /// What the gripper does with a part, one of [`grasp`].
     grasp: Option<u8>,
+    /// When it last told that, or the link was made, ns.
+    grasp_ns: u64,
     goal: Goal,
     in_flight: Option<InFlight<Message>>,
     motion: Option<Motion>,
@@ -64,6 +68,7 @@ pub struct Gcl {
 impl Gcl {
     fn send(&mut self, driver: &mut DriverState, message: Message, line: &str) {
         write_line(&mut driver.outgoing, line);
+        driver.asked();
         self.has_commanded |= !matches!(message, Message::Question(_));
         self.in_flight = Some(InFlight::new(driver.now_ns(), message));
     }
@@ -115,6 +120,18 @@ impl Gcl {
         self.send(driver, Message::Question(name), &format!("{name}?"));
     }
 
+    /// A question was not answered. One answer may be lost; after that the value is not known.
+    fn miss(&mut self, driver: &mut DriverState, name: &str) {
+        let misses_count = &mut self.misses_count[place(name)];
+        *misses_count += 1;
+        match name {
+            _ if *misses_count < MISSES_COUNT => {}
+            "POS" => driver.gripper.opening_mm = None,
+            "FORCE" => driver.gripper.force_n = None,
+            _ => {}
+        }
+    }
+
     fn take(&mut self, driver: &mut DriverState, line: Option<&str>) {
         let Some(line) = line else {
             return driver.push_event(DriverEvent::Garbled { bytes_count: 1 });
@@ -159,10 +176,12 @@ impl Gcl {
             self.take_in_flight(name);
         }
         driver.gripper.time_ns = driver.now_ns();
+        self.misses_count[place(name)] = 0;
         match name {
             "POS" => driver.gripper.opening_mm = Some(number).filter(|mm| (-10.0..=1000.0).contains(mm)),
             "FORCE" => driver.gripper.force_n = driver.config.from_own_n(number),
             _ => {
+                self.grasp_ns = driver.now_ns();
                 self.grasp = (0.0..=7.0).contains(&number).then_some(number as u8);
                 if self.grasp.is_some_and(|grasp| grasp != grasp::ERROR) && !self.is_stopped {
                     driver.forget_lost_link(); // it has latched nothing
@@ -333,6 +352,7 @@ impl Protocol for Gcl {
         let gripped_before_n = self.gripped_n.or(self.gripped_before_n);
         let Gcl { is_in_doubt, has_commanded, is_stopped, is_unhomed, is_regrip_refused, .. } = *self;
         *self = Gcl {
+            grasp_ns: driver.now_ns(),
             gripped_before_n,
             is_in_doubt,
             has_commanded,
@@ -354,8 +374,9 @@ impl Protocol for Gcl {
         match InFlight::take_overdue(&mut self.in_flight, driver.now_ns(), driver.config.reply_ms)
             .map(|sent| sent.message)
         {
+            None => {}
             // It is asked again in turn; silence is reported separately.
-            None | Some(Message::Question(_)) => {}
+            Some(Message::Question(name)) => self.miss(driver, name),
             // It may have arrived: the same request is sent again when repeated.
             Some(message) => {
                 (self.goal, self.is_in_doubt, self.is_release_given) = (Goal::Keep, true, false);
@@ -452,6 +473,10 @@ impl Protocol for Gcl {
 
     fn force_on_its_way(&self, _driver: &DriverState) -> Option<f64> {
         self.in_flight.as_ref().and_then(|sent| sent.message.force_n())
+    }
+
+    fn jaws_untold_since_ns(&self, _driver: &DriverState) -> Option<u64> {
+        (self.misses_count[place("GRIPSTATE")] >= MISSES_COUNT).then_some(self.grasp_ns)
     }
 
     fn is_busy(&self, driver: &DriverState) -> bool {

@@ -12,6 +12,9 @@ use super::protocol::Protocol;
 use crate::link::{InFlight, Lines, write_line};
 use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
 
+/// Difference between an accepted force and the reported one that the steps of a gripper explain, N per finger.
+const STEP_N: f64 = 0.5;
+
 /// A command with its number.
 #[derive(Debug, Clone)]
 struct Command {
@@ -30,6 +33,8 @@ pub struct LineGripper {
     /// The goal whose command was last accepted; `Keep` where that is not known.
     done: Goal,
     in_flight: Option<InFlight<Command>>,
+    /// Since when another force than the accepted one is reported, ns.
+    differs_ns: Option<u64>,
     is_greeted: bool,
     /// A greeting of another version: nothing is understood on this link.
     other_version: Option<u32>,
@@ -95,12 +100,21 @@ impl LineGripper {
             let got = format!("`{words}` taken over instead of `{}`", sent.words);
             return driver.raise_refused("a command", got);
         }
-        self.done = sent.goal;
+        (self.done, self.differs_ns) = (sent.goal, None);
         match sent.goal {
             Goal::Hold { force_n } => driver.settle_target(Some(force_n)),
             Goal::Home | Goal::Acknowledge => self.goal = Goal::Keep,
             Goal::Open | Goal::Keep => {}
         }
+    }
+
+    /// Whether the other side reports another force than it accepted, for longer than an answer takes.
+    fn is_replaced(&mut self, driver: &DriverState, target_n: Option<f64>) -> bool {
+        let accepted_n = self.done.force_n().filter(|_| self.in_flight.is_none() && !self.is_on_the_way());
+        let differs = accepted_n.zip(target_n).is_some_and(|(ours_n, theirs_n)| (ours_n - theirs_n).abs() > STEP_N);
+        self.differs_ns = differs.then(|| self.differs_ns.unwrap_or(driver.now_ns()));
+        let most_ns = driver.config.reply_ms * 1_000_000;
+        self.differs_ns.is_some_and(|since_ns| driver.now_ns().saturating_sub(since_ns) > most_ns)
     }
 
     fn take_state(&mut self, driver: &mut DriverState, rest: &str) {
@@ -122,7 +136,10 @@ impl LineGripper {
         driver.gripper.time_ns = driver.now_ns();
         driver.gripper.jaws = jaws;
         driver.gripper.force_n = measured_n;
-        // Our force counts while it is in effect; after a new link the other side's does.
+        // Our force counts while it is in effect; after a new link, and where it has been replaced, the other side's does.
+        if self.is_replaced(driver, target_n) {
+            (self.goal, self.done) = (Goal::Keep, Goal::Keep);
+        }
         if !matches!(self.done, Goal::Hold { .. }) {
             driver.settle_target(target_n);
         }

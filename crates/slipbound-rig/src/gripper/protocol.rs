@@ -4,6 +4,9 @@ use super::driver_state::DriverState;
 use super::error::Error;
 use slipbound::port::{GripCommand, Jaws};
 
+/// How often in a row a question may go unanswered before what it asks for is not known: one answer may be lost.
+pub(super) const MISSES_COUNT: u32 = 2;
+
 /// A gripper's protocol: reads its messages into the [`DriverState`] and decides what to send next. The
 /// [`Driver`](super::Driver) around it does the rest, sets the time ([`DriverState::now_ns`]) and calls
 /// [`Protocol::advance`] after every other call, as long as something may be sent.
@@ -39,6 +42,12 @@ pub trait Protocol: Send {
 
     /// The force of a command that was sent and is not yet answered, N per finger.
     fn force_on_its_way(&self, _driver: &DriverState) -> Option<f64> {
+        None
+    }
+
+    /// Since when a gripper that answers has not told what its jaws do, ns, although it was asked; None while it does.
+    /// Longer than the silence allowed, that is a fault.
+    fn jaws_untold_since_ns(&self, _driver: &DriverState) -> Option<u64> {
         None
     }
 
@@ -95,6 +104,10 @@ impl<P: Protocol + ?Sized> Protocol for Box<P> {
 
     fn force_on_its_way(&self, driver: &DriverState) -> Option<f64> {
         (**self).force_on_its_way(driver)
+    }
+
+    fn jaws_untold_since_ns(&self, driver: &DriverState) -> Option<u64> {
+        (**self).jaws_untold_since_ns(driver)
     }
 
     fn is_busy(&self, driver: &DriverState) -> bool {

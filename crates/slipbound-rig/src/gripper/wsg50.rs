@@ -333,7 +333,8 @@ fn width_unset(driver: &DriverState, command: &'static str) -> Error {
 
 impl Protocol for Wsg50 {
     fn linked(&mut self, driver: &mut DriverState) {
-        *self = Wsg50 { force_path: self.force_path, ..Wsg50::default() };
+        let telemetry = Telemetry::new(driver.now_ns());
+        *self = Wsg50 { telemetry, force_path: self.force_path, ..Wsg50::default() };
         driver.gripper.jaws = slipbound::port::Jaws::Unknown;
         self.telemetry.ask(driver);
     }
@@ -354,6 +355,7 @@ impl Protocol for Wsg50 {
 
     fn tick(&mut self, driver: &mut DriverState) {
         self.check_deadlines(driver);
+        self.telemetry.forget_untold(driver);
         self.telemetry.ask(driver);
     }
 
@@ -433,6 +435,10 @@ impl Protocol for Wsg50 {
 
     fn force_on_its_way(&self, driver: &DriverState) -> Option<f64> {
         self.in_flight.as_ref().and_then(|sent| sent.message.force_n(driver))
+    }
+
+    fn jaws_untold_since_ns(&self, driver: &DriverState) -> Option<u64> {
+        self.telemetry.jaws_untold_since_ns(driver)
     }
 
     fn is_busy(&self, driver: &DriverState) -> bool {

@@ -43,23 +43,31 @@ pub(crate) struct LinkHealth {
     /// Whether a valid message has ever been received.
     has_heard: bool,
     silence_ms: u64,
-    heard_ns: u64,
+    /// Since when something is awaited: the last message, or the first question after it, ns.
+    awaited_ns: u64,
+    /// Whether a question was sent after the last message.
+    has_asked: bool,
 }
 
 impl LinkHealth {
     /// A link not yet made, on which a silence of more than `silence_ms` is a fault.
     pub fn new(silence_ms: u64) -> Self {
-        LinkHealth { state: State::Down { why: "not yet made".into() }, has_heard: false, silence_ms, heard_ns: 0 }
+        LinkHealth {
+            state: State::Down { why: "not yet made".into() },
+            has_heard: false,
+            silence_ms,
+            ..LinkHealth::not_needed()
+        }
     }
 
     /// For a driver without a link: never down, never silent.
     pub fn not_needed() -> Self {
-        LinkHealth { state: State::NotNeeded, has_heard: false, silence_ms: 0, heard_ns: 0 }
+        LinkHealth { state: State::NotNeeded, has_heard: false, silence_ms: 0, awaited_ns: 0, has_asked: false }
     }
 
     /// The link is up.
     pub fn up(&mut self, now_ns: u64) {
-        self.heard_ns = now_ns;
+        (self.awaited_ns, self.has_asked) = (now_ns, false);
         self.state = match mem::replace(&mut self.state, State::Up) {
             State::Down { why } if self.has_heard => State::Unproven { why },
             _ => State::Up,
@@ -82,9 +90,16 @@ impl LinkHealth {
 
     /// A valid message was received.
     pub fn heard(&mut self, now_ns: u64) {
-        (self.has_heard, self.heard_ns) = (true, now_ns);
+        (self.has_heard, self.awaited_ns, self.has_asked) = (true, now_ns, false);
         if let State::Unproven { .. } = self.state {
             self.state = State::Up;
+        }
+    }
+
+    /// A device that speaks only when it is asked was asked: until then it owed nothing.
+    pub fn asked(&mut self, now_ns: u64) {
+        if !mem::replace(&mut self.has_asked, true) {
+            self.awaited_ns = now_ns;
         }
     }
 
@@ -115,7 +130,7 @@ impl LinkHealth {
 
     /// What is wrong with it for a command at this time, if anything is.
     pub fn check(&self, now_ns: u64) -> Result<(), LinkProblem> {
-        let silent_ns = now_ns.saturating_sub(self.heard_ns);
+        let silent_ns = now_ns.saturating_sub(self.awaited_ns);
         match &self.state {
             State::NotNeeded => Ok(()),
             State::Down { why } => Err(LinkProblem::Down { why: why.clone() }),

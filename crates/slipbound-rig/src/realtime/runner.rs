@@ -3,6 +3,7 @@
 use crate::link::now_ns;
 use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleOutcome};
 use slipbound::port::{Gripper, Wrist};
+use slipbound::task::{Ending, Phase};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
@@ -69,7 +70,9 @@ fn cycles(
             return Err(ControlError::Interrupted);
         }
         let outcome = control.cycle(now_ns(), gripper, wrist, observer)?;
-        if outcome == CycleOutcome::SourceEnded {
+        // Who holds to the end of a time, or of the source, has not held with a fault.
+        let has_held = outcome.commanded().is_some_and(|cycle| cycle.phase == Phase::Ended(Ending::Held));
+        if has_held || outcome == CycleOutcome::SourceEnded {
             let fault = control.fault().cloned();
             return fault.map_or(Ok(()), |fault| Err(ControlError::Fault { fault, waited_ns: 0 }));
         }

@@ -7,7 +7,8 @@
 //!
 //! Servers write wrong lengths, so a `Content-Length` only lets a part end early: if its last two bytes are those of a
 //! JPEG, with no delimiter before them, it is complete without waiting for the next delimiter, and its frame does not
-//! come one frame late. In every other case the next delimiter ends it. The result depends on the bytes alone, not on
+//! come one frame late. In every other case the next delimiter ends it; one within a line and before the stated length
+//! is part of the image, whose bytes may spell a short name by chance. The result depends on the bytes alone, not on
 //! how they were split.
 
 /// Longest head of a part, bytes.
@@ -181,9 +182,23 @@ impl Multipart {
         }
     }
 
+    /// Whether the bytes of a delimiter here are some of the part's own: within a line, and before the end that its head
+    /// states.
+    fn is_of_part(&self, at: usize, head: Head) -> bool {
+        let before = &self.unread()[..at];
+        let dashes = before.iter().rev().take_while(|byte| **byte == b'-').count();
+        let begins_line = before[..at - dashes].last().is_none_or(|byte| *byte == b'\n');
+        !begins_line && head.length_bytes.is_some_and(|length| at < length)
+    }
+
     /// Where the part that begins with the first unread byte ends; None while that is not known.
     fn part_end(&mut self, head: Head) -> Result<Option<usize>, Fault> {
-        let delimiter = self.find_delimiter();
+        let delimiter = loop {
+            match self.find_delimiter() {
+                Some(at) if self.is_of_part(at, head) => self.searched = at + 1,
+                found => break found,
+            }
+        };
         let unread = self.unread();
         let stated = head.length_bytes.filter(|&length| {
             delimiter.is_none_or(|at| length <= at)

@@ -93,6 +93,42 @@ fn a_force_reaches_a_protocol_only_after_it_was_admitted() {
     assert_eq!(events, [DriverEvent::Linked, clamped(500.0, 80.0), clamped(1.0, 5.0)]);
 }
 
+/// Steps below the resolution must not add up.
+#[test]
+fn many_steps_too_small_to_be_refused_lower_nothing() {
+    let (mut driver, commands) = holding();
+    driver.request(1, hold(40.0)).expect("more");
+    let mut asked_n = 40.0;
+    for _ in 0..1000 {
+        asked_n -= 0.009;
+        let _ = driver.request(1, hold(asked_n)); // refused, or 40 N are given
+    }
+    let least_n = commands.lock().expect("no panic").iter().filter_map(|command| command.force_n()).reduce(f64::min);
+    assert_eq!(least_n, Some(40.0));
+}
+
+/// It is asked and cannot have answered yet.
+#[test]
+fn a_pause_of_ours_is_no_silence_of_a_gripper_that_speaks_only_when_it_is_asked() {
+    for name in ["gcl", "robotiq", "robotiq-rtu"] {
+        let mut bench = Bench::of(name, "");
+        bench.run(1000);
+        let now_ns = bench.now_ns() + 700 * MS;
+        bench.driver.tick(now_ns);
+        bench.driver.state(now_ns).unwrap_or_else(|error| panic!("{name}: {error}"));
+        for ms in 0..600 {
+            bench.driver.tick(now_ns + ms * MS);
+        }
+        let silent = bench.driver.state(now_ns + 600 * MS);
+        assert!(matches!(silent, Err(Error::Silent { .. })), "{name}: {silent:?}");
+    }
+    // Whether more is to come of this answer is not yet known.
+    let mut driver = driver("robotiq", config("robotiq"));
+    driver.linked(0);
+    driver.receive(700 * MS, b"STA 3");
+    driver.state(700 * MS).expect("it is there");
+}
+
 #[test]
 fn a_gripper_that_is_not_ready_gets_no_command() {
     let recorder = Recorder::default();

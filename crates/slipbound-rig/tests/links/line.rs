@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, MS, config, driver};
 use slipbound::plant::Plant;
-use slipbound::port::{Jaws, WristCommand, WristErrorKind, WristMotion};
+use slipbound::port::{GripCommand, Jaws, WristCommand, WristErrorKind, WristMotion};
 use slipbound_rig::emulator::{Block, Emulator, Faults, by_name};
 use slipbound_rig::gripper::{self, Request};
 use slipbound_rig::link::Endpoint;
@@ -65,6 +65,35 @@ fn a_refusal_a_wrong_echo_and_a_wrong_version_are_told() {
     assert_eq!(bench.state().expect("there").target_n, None);
     bench.pair.driver.receive(now_ns, b"HELLO slipbound-line 2\n");
     assert!(bench.state().expect_err("a version").to_string().contains("version 2, expected 1"));
+}
+
+/// Another program has changed it, or the device took it over in words only.
+#[test]
+fn a_force_that_the_other_side_no_longer_has_is_told_and_sent_again_when_it_is_asked_for_again() {
+    let mut driver = driver("line", config("line"));
+    let hold = Request::Grip(GripCommand::Hold { force_n: 20.0 });
+    let state = |target_n: f64| format!("GRIPPER jaws holding target_n {target_n:.2} opening_mm 50.00\n");
+    driver.linked(0);
+    driver.receive(MS, b"HELLO slipbound-line 1\nGRIPPER jaws holding target_n 5.00 opening_mm 50.00\n");
+    driver.request(2 * MS, hold).expect("taken over");
+    driver.receive(3 * MS, b"ACK 1 GRASP force_n 20.000000\n");
+    driver.outgoing().clear();
+    for ms in (20..2000).step_by(20) {
+        // Late at first, then rounded to its steps, then another.
+        let target_n = match ms {
+            0..400 => 5.0,
+            400..1000 => 20.4,
+            _ => 5.0,
+        };
+        driver.receive(ms * MS, state(target_n).as_bytes());
+        if ms == 1000 {
+            assert_eq!(driver.state(ms * MS).expect("there").target_n, Some(20.0));
+        }
+    }
+    assert_eq!(driver.state(2000 * MS).expect("there").target_n, Some(5.0));
+    assert_eq!(driver.outgoing(), b"", "nothing closes by itself");
+    driver.request(2000 * MS, hold).expect("taken over");
+    assert_eq!(driver.outgoing(), b"2 GRASP force_n 20.000000\n");
 }
 
 /// A wrist and its emulator, stepped by 2 ms.

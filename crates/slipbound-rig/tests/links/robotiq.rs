@@ -1,6 +1,7 @@
 //! Robotiq 2F-85, both ways, in lock-step.
 
 use crate::bench::{Bench, MS, config, driver};
+use crate::client::modbus;
 use slipbound::port::{GripCommand, Jaws};
 use slipbound_rig::gripper::config::{Config, Lowering};
 use slipbound_rig::gripper::robotiq::rtu;
@@ -288,4 +289,41 @@ fn count_forces(sent: &[u8]) -> usize {
     rtu::Parser::default()
         .feed_requests(sent, |request| count += usize::from(matches!(request, rtu::Request::Write { .. })));
     count
+}
+
+/// Its registers are zero then, and so is its force.
+#[test]
+fn a_restart_on_a_living_link_forgets_the_force() {
+    for name in BOTH {
+        let mut driver = driver(name, allowing());
+        let mut writes_count = 0;
+        driver.linked(0);
+        for ms in 0..2000u64 {
+            if matches!(ms, 300 | 1800) {
+                let target_n = driver.state(ms * MS).expect("there").target_n;
+                assert!(target_n.is_none_or(|n| n == 20.0), "{name}, {ms} ms: {target_n:?}");
+                let hold = GripCommand::Hold { force_n: 40.0 };
+                driver.request(ms * MS, Request::Grip(hold)).expect("taken over");
+            }
+            driver.tick(ms * MS);
+            let asked = std::mem::take(driver.outgoing());
+            let is_active = !(900..1300).contains(&ms);
+            let answer = match asked.get(..7) {
+                None => continue,
+                Some([9, 16, ..] | b"SET POS") => {
+                    writes_count += 1;
+                    if name == "robotiq" { b"ack".to_vec() } else { modbus("09 10 03 E8 00 03") }
+                }
+                Some([9, ..]) if is_active => modbus("09 04 06 B9 00 00 FF 75 00"),
+                Some([9, ..]) => modbus("09 04 06 00 00 00 00 75 00"),
+                Some(b"GET STA") => format!("STA {}\n", if is_active { 3 } else { 0 }).into_bytes(),
+                Some(b"GET OBJ") => b"OBJ 2\n".to_vec(),
+                Some(get) => [&get[4..], b" 0\n"].concat(),
+            };
+            driver.receive(ms * MS, &answer);
+            let target_n = driver.state(ms * MS).expect("there").target_n;
+            assert!(ms != 800 || target_n.is_some_and(|n| (n - 40.0).abs() < 0.43), "{name}: {target_n:?}");
+        }
+        assert_eq!(writes_count, 2, "{name}");
+    }
 }

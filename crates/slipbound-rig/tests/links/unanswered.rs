@@ -2,8 +2,10 @@
 //! sent again when it is requested again.
 
 use crate::bench::{Bench, MS, config};
+use slipbound::port::Jaws;
 use slipbound_rig::emulator::NAMES;
 use slipbound_rig::gripper::config::{Config, Lowering};
+use slipbound_rig::gripper::wsg50::frame;
 use slipbound_rig::gripper::{Error, Request};
 use slipbound_rig::link::Endpoint;
 
@@ -145,5 +147,84 @@ fn a_force_that_was_never_answered_and_then_is_denied_leaves_the_old_one_known()
         bench.grip(20.0).expect("the force it has");
         bench.run(50);
         assert_eq!(bench.state().expect("there").target_n, Some(20.0));
+    }
+}
+
+/// A step in which this question of ours, or the states of a WSG-50 with this number, are lost on the way.
+fn step_without(bench: &mut Bench, lost: &str) {
+    bench.is_delivering = false;
+    bench.step();
+    let now_ns = bench.now_ns();
+    for _ in 0..4 {
+        let mut ours = std::mem::take(bench.driver.outgoing());
+        if let Some(at) = ours.windows(lost.len()).position(|window| lost.len() > 1 && window == lost.as_bytes()) {
+            ours.drain(at..at + lost.len());
+        }
+        bench.emulator.receive(now_ns, &ours);
+        let mut theirs = std::mem::take(bench.emulator.outgoing());
+        if let [id] = lost.as_bytes() {
+            let mut kept = Vec::new();
+            frame::Parser::default().feed(&theirs, |frame| {
+                if frame.id != *id {
+                    frame::write(&mut kept, frame.id, frame.payload());
+                }
+            });
+            theirs = kept;
+        }
+        bench.pair.driver.receive(now_ns, &theirs);
+    }
+    bench.is_delivering = true;
+}
+
+/// Somebody may have opened them meanwhile.
+#[test]
+fn jaws_that_are_no_longer_told_of_are_a_fault_and_get_no_new_force() {
+    for (name, lost) in [("wsg50", "\x40"), ("wsg50", "\x41"), ("gcl", "GRIPSTATE?\n"), ("robotiq", "GET OBJ\n")] {
+        let mut bench = Bench::holding(name, config(name), "allow-regrasp", 40.0);
+        for _ in 0..600 {
+            step_without(&mut bench, lost);
+        }
+        let now_ns = bench.now_ns();
+        let told = bench.driver.state(now_ns).expect_err(name).to_string();
+        assert!(told.contains("what the jaws do, got only other answers for 1"), "{name}: {told}");
+        assert!(matches!(bench.grip(60.0), Err(Error::Untold { .. })), "{name}");
+        for _ in 0..500 {
+            step_without(&mut bench, lost);
+        }
+        assert!((bench.plant.force_n - 40.0).abs() < 0.7, "{name}: {} N", bench.plant.force_n);
+        bench.run(500);
+        assert_eq!(bench.state().expect("told again").jaws, Jaws::Holding, "{name}");
+        bench.grip(60.0).expect("taken over");
+    }
+}
+
+#[test]
+fn a_force_or_an_opening_that_is_no_longer_told_is_not_known() {
+    for (name, force, opening) in [("wsg50", "\x45", "\x43"), ("gcl", "FORCE?\n", "POS?\n")] {
+        for (lost, is_known) in [(force, (false, true)), (opening, (true, false))] {
+            let mut bench = Bench::holding(name, config(name), "", 40.0);
+            for _ in 0..600 {
+                step_without(&mut bench, lost);
+            }
+            let now_ns = bench.now_ns();
+            let state = bench.driver.state(now_ns).expect("the jaws are told");
+            assert_eq!((state.force_n.is_some(), state.opening_mm.is_some()), is_known, "{name} {lost:?}");
+        }
+    }
+}
+
+#[test]
+fn a_slow_gripper_whose_force_keeps_changing_tells_what_its_jaws_do() {
+    for name in NAMES {
+        let allowing = Config { lowering: Lowering::Allow, ..config(name) };
+        let mut bench = Bench::new(name, allowing, "late=300,allow-regrasp");
+        bench.run(4000);
+        bench.grip(40.0).expect("taken over");
+        bench.until(8000, |state| state.jaws == Jaws::Holding);
+        for cycle in 0..1000 {
+            bench.state().unwrap_or_else(|error| panic!("{name}: {error}"));
+            bench.grip(40.0 + f64::from(cycle % 30)).expect("taken over");
+            bench.run(10);
+        }
     }
 }

@@ -342,6 +342,8 @@ fn an_unanswered_limit_is_sent_three_times_and_then_told() {
     driver.request(2, Request::Grip(command)).expect("taken over");
     let (mut errors, mut sent_count) = (Vec::new(), 0);
     for ms in 1..2000 {
+        tell(&mut driver, ms * MS, 0x40, &[1, 0, 0, 0]);
+        tell(&mut driver, ms * MS, 0x41, &[4]);
         tell(&mut driver, ms * MS, 0x45, &20f32.to_le_bytes());
         driver.tick(ms * MS);
         Parser::default().feed(&std::mem::take(driver.outgoing()), |frame| sent_count += usize::from(frame.id == 0x32));
@@ -350,6 +352,30 @@ fn an_unanswered_limit_is_sent_three_times_and_then_told() {
     assert_eq!(sent_count, 3);
     assert_eq!(errors, [(1353, "wsg50://hand: expected an answer to set force limit within 450 ms, got none".into())]);
     assert_eq!(driver.state(2000 * MS).expect("there").target_n, Some(20.0));
+}
+
+/// NO_SENSOR, for example.
+#[test]
+fn a_state_that_it_can_no_longer_tell_is_not_known() {
+    let mut driver = Driver::new("wsg50://hand", config("wsg50"), Wsg50::default());
+    driver.linked(0);
+    let mut tell = |ms: u64, id, rest: &[u8]| {
+        let mut bytes = Vec::new();
+        frame::write(&mut bytes, id, rest);
+        driver.receive(ms * MS, &bytes);
+        let state = driver.state(ms * MS).expect("it answers");
+        (state.jaws, state.force_n, state.opening_mm)
+    };
+    tell(1, 0x40, &[0, 0, 1, 0, 0, 0]);
+    tell(1, 0x41, &[0, 0, 4]);
+    tell(1, 0x43, &[&[0, 0], &50f32.to_le_bytes()[..]].concat());
+    let told = tell(1, 0x45, &[&[0, 0], &10f32.to_le_bytes()[..]].concat());
+    assert_eq!(told, (Jaws::Holding, Some(10.0), Some(50.0)));
+    assert_eq!(tell(2, 0x45, &[2, 0]), (Jaws::Holding, None, Some(50.0)));
+    assert_eq!(tell(3, 0x43, &[2, 0]), (Jaws::Holding, None, None));
+    assert_eq!(tell(4, 0x41, &[2, 0]), (Jaws::Unknown, None, None));
+    assert_eq!(tell(5, 0x41, &[0, 0, 4]), (Jaws::Holding, None, None));
+    assert_eq!(tell(6, 0x40, &[2, 0]), (Jaws::Unknown, None, None));
 }
 
 /// A grasp that is refused, or not answered, is not given again automatically, but when the same command comes again.
@@ -380,6 +406,8 @@ fn a_grasp_that_was_not_accepted_is_given_again_when_it_is_asked_for_again() {
         }
         let mut errors = Vec::new();
         for ms in 4..1500 {
+            tell(&mut driver, ms, 0x40, &[0, 0, 1, 0, 0, 0]);
+            tell(&mut driver, ms, 0x41, &[0, 0, 0]);
             tell(&mut driver, ms, 0x45, &[&[0, 0], &0f32.to_le_bytes()[..]].concat());
             driver.tick(ms * MS);
             errors.extend(driver.state(ms * MS).err().map(|error| error.to_string()));
@@ -456,6 +484,7 @@ fn a_release_that_failed_under_way_is_given_again_and_one_that_somebody_aborted_
         tell(&mut driver, 3, 0x26, &26u16.to_le_bytes()); // in progress
         let end_ms = if end.is_some() { 100 } else { 10_000 };
         for ms in (10..end_ms).step_by(10) {
+            tell(&mut driver, ms, 0x40, &[0, 0, 1, 0, 0, 0]);
             tell(&mut driver, ms, 0x41, &[0, 0, 4]);
             driver.tick(ms * MS);
             driver.request(ms * MS, release).expect("taken over");

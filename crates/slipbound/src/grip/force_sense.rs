@@ -234,8 +234,10 @@ impl ForceSense {
         let is_exact = (average_n * self.gain - target_n).abs() <= exact_n;
         if has_followed && is_near && !is_exact {
             self.gain = target_n / average_n;
+        } else if has_followed && !is_as_commanded(average_n) {
+            self.gain = 1.0; // what was learned at another force does not explain this one
         }
-        let force_n = average_n * self.gain;
+        let force_n = (average_n * self.gain).clamp(average_n - stated_n, average_n + stated_n);
         // Where the force has settled at the commanded value, the remaining noise carries no information.
         let is_noise = self.noise_n() >= CLEAN_SD_N && self.is_still && (force_n - target_n).abs() <= band_n + exact_n;
         if is_noise { target_n } else { force_n }
@@ -325,6 +327,23 @@ mod tests {
             told_n = sense.see(cycle * CYCLE_NS, &state, cycle >= 30).force_n.expect("measured");
         }
         assert!((told_n - 20.0).abs() < 0.5, "{told_n}");
+    }
+
+    /// The reading is right, the jaws reach three quarters of the force.
+    #[test]
+    fn what_was_an_error_of_the_reading_at_a_light_grip_hides_no_shortfall_at_a_strong_one() {
+        let mut sense = ForceSense::default();
+        let mut told_n = |cycle: u64, target_n: f64| {
+            let force_n = 0.75 * target_n;
+            let state = state(cycle, force_n, target_n, Jaws::Holding);
+            let state = GripperState { force_error_n: Some(1.5 + 0.15 * force_n), ..state };
+            sense.see(cycle * CYCLE_NS, &state, true).force_n.expect("measured")
+        };
+        let light_n: Vec<f64> = (0..60).map(|cycle| told_n(cycle, 10.0)).collect();
+        assert!((light_n[59] - 10.0).abs() < 1e-9, "within the error: {}", light_n[59]);
+        let strong_n: Vec<f64> = (60..120).map(|cycle| told_n(cycle, 60.0)).collect();
+        assert!(strong_n.iter().all(|n| *n <= 45.0 + 8.25 + 1e-9), "{strong_n:?}");
+        assert!((strong_n[59] - 45.0).abs() < 1e-9, "{}", strong_n[59]);
     }
 
     /// A controller that raises the force slowly, with jaws that follow with a lag.

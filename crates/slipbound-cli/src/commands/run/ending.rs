@@ -39,7 +39,7 @@ impl Ended<'_> {
         if is_at_work && self.holds {
             score.ending = Some(Ending::Held); // to the end of the source
         }
-        let ending = score.ending;
+        let ending = score.ending.filter(|ending| ran.is_ok() || *ending != Ending::Held);
         let unfinished = || match &ran {
             Ok(()) => "not before the end of the source".into(),
             Err(e) => format!("{e:#}"),

@@ -61,6 +61,8 @@ pub(super) struct Actuator {
     pub goal: Goal,
     /// None until everything has been received once since the link was made.
     status: Option<Status>,
+    /// When that was received, or the link made, ns.
+    pub status_ns: u64,
     /// Whether it has held something, and has been closed or closing ever since.
     has_held: bool,
     is_homing: bool,
@@ -70,20 +72,27 @@ pub(super) struct Actuator {
 
 impl Actuator {
     /// The same at the start of a new link.
-    pub fn relinked(&self) -> Self {
-        Actuator { has_held: self.has_held, ..Actuator::default() }
+    pub fn relinked(&self, now_ns: u64) -> Self {
+        Actuator { has_held: self.has_held, status_ns: now_ns, ..Actuator::default() }
     }
 
     /// Takes a status, which was requested after everything that was sent before. Returns whether earlier commands no
-    /// longer count: a fault has begun, even if it ends by itself, or the gripper has not deactivated.
+    /// longer count: a fault has begun, even if it ends by itself, the gripper is not active any more, as after a
+    /// restart, or it has not deactivated.
     pub fn take_status(&mut self, driver: &mut DriverState, status: Status) -> bool {
         let fault_before = self.status.and_then(|status| status.fault_in_words());
-        self.status = Some(status);
+        let was_active = self.status.is_some_and(|status| status.is_active());
+        let has_restarted = was_active && !status.is_active() && !self.is_homing;
+        (self.status, self.status_ns) = (Some(status), driver.now_ns());
         let begun = status.fault_in_words().filter(|_| fault_before.is_none());
         let has_begun = begun.is_some();
         if let Some(why) = begun {
             driver.push_event(DriverEvent::FastStop { why: format!("{why}; home clears it") });
             (self.goal, self.is_homing) = (Goal::Keep, false);
+        }
+        if has_restarted {
+            self.goal = Goal::Keep;
+            driver.settle_target(None);
         }
         let is_deactivating = self.goal == Goal::Deactivate && self.has_accepted_deactivation;
         let has_deactivated = is_deactivating && status.activation == 0;
@@ -99,7 +108,7 @@ impl Actuator {
         };
         driver.gripper.jaws = status.jaws(self.has_held);
         driver.gripper.opening_mm = Some(driver.config.opening_of_count(status.position));
-        has_begun || (is_deactivating && !has_deactivated)
+        has_begun || has_restarted || (is_deactivating && !has_deactivated)
     }
 
     /// The gripper has accepted what was sent for this goal.

@@ -58,6 +58,7 @@ impl Serial {
             Message::Read => rtu::request_read(&mut driver.outgoing),
             Message::Write { outputs, .. } => rtu::request_write(&mut driver.outgoing, outputs),
         }
+        driver.asked();
         self.in_flight = Some(sent);
     }
 
@@ -86,8 +87,8 @@ impl Serial {
 }
 
 impl Protocol for Serial {
-    fn linked(&mut self, _driver: &mut DriverState) {
-        *self = Serial { actuator: self.actuator.relinked(), ..Serial::default() };
+    fn linked(&mut self, driver: &mut DriverState) {
+        *self = Serial { actuator: self.actuator.relinked(driver.now_ns()), ..Serial::default() };
     }
 
     fn receive(&mut self, driver: &mut DriverState, bytes: &[u8]) {

@@ -7,7 +7,7 @@ use super::actuator::{Actuator, Goal};
 use super::status::Status;
 use crate::gripper::driver_state::DriverState;
 use crate::gripper::error::Error;
-use crate::gripper::protocol::Protocol;
+use crate::gripper::protocol::{MISSES_COUNT, Protocol};
 use crate::link::{InFlight, write_line};
 use slipbound::port::{DriverEvent, GripCommand};
 
@@ -40,8 +40,10 @@ pub struct Socket {
     actuator: Actuator,
     /// The answers so far.
     status: Status,
-    /// Which of [`QUESTIONS`] have been answered in this round.
-    is_heard: [bool; QUESTIONS.len()],
+    /// Which of [`QUESTIONS`] have been answered in this round; None between two rounds.
+    is_heard: Option<[bool; QUESTIONS.len()]>,
+    /// How many rounds in a row gave no status.
+    misses_count: u32,
     question: usize,
     round_ns: Option<u64>,
     /// How often the force that it is set to has been asked for since the link was made.
@@ -75,6 +77,8 @@ impl Socket {
             self.round_ns = Some(now_ns);
             if driver.gripper.target_n.is_none() && self.actuator.is_known() {
                 self.question = QUESTIONS.len();
+            } else {
+                self.is_heard = Some(Default::default());
             }
         }
         let asks_force = self.question == QUESTIONS.len();
@@ -87,9 +91,10 @@ impl Socket {
     /// A status is made of the answers of one round: answers from before and after a command together could look as if
     /// the jaws had arrived and found nothing. Without a fault or a position the previous one stays.
     fn end_round(&mut self, driver: &mut DriverState) {
-        let is_heard = std::mem::take(&mut self.is_heard);
+        let Some(is_heard) = self.is_heard.take() else { return };
         let is_whole =
             QUESTIONS.iter().zip(is_heard).all(|(name, is_heard)| is_heard || matches!(*name, "POS" | "FLT"));
+        self.misses_count = if is_whole { 0 } else { self.misses_count + 1 };
         if is_whole && self.actuator.take_status(driver, self.status) {
             self.done = Goal::Keep;
         }
@@ -172,8 +177,9 @@ impl Socket {
             "FOR" => driver.settle_target(driver.config.force_of_count(value)),
             _ => return false,
         }
-        if let Some(place) = QUESTIONS.iter().position(|question| *question == name) {
-            self.is_heard[place] = true;
+        let place = QUESTIONS.iter().position(|question| *question == name);
+        if let (Some(place), Some(is_heard)) = (place, &mut self.is_heard) {
+            is_heard[place] = true;
         }
         true
     }
@@ -201,9 +207,10 @@ fn number(name: &str, text: &str) -> Option<u8> {
 }
 
 impl Protocol for Socket {
-    fn linked(&mut self, _driver: &mut DriverState) {
+    fn linked(&mut self, driver: &mut DriverState) {
         let Socket { received_ns, ends_lines, .. } = *self;
-        *self = Socket { received_ns, ends_lines, actuator: self.actuator.relinked(), ..Socket::default() };
+        let actuator = self.actuator.relinked(driver.now_ns());
+        *self = Socket { received_ns, ends_lines, actuator, ..Socket::default() };
     }
 
     fn receive(&mut self, driver: &mut DriverState, mut bytes: &[u8]) {
@@ -213,6 +220,11 @@ impl Protocol for Socket {
             self.buffer.extend_from_slice(&bytes[..room]); // a full buffer is read, as an answer or as garbage
             bytes = &bytes[room..];
             self.read_answer(driver);
+        }
+        // An answer without an end counts only after a moment, but shows at once that the gripper is there.
+        let awaited = self.in_flight.as_ref().map(|sent| sent.message);
+        if matches!(awaited, Some(Message::Get(name)) if self.buffer.starts_with(name.as_bytes())) {
+            driver.heard();
         }
     }
 
@@ -239,7 +251,7 @@ impl Protocol for Socket {
         let (message, line) = if self.is_on_the_way() {
             let goal = self.actuator.goal;
             if !matches!((goal, self.done), (Goal::Hold { .. }, Goal::Hold { .. })) {
-                (self.question, self.round_ns, self.is_heard) = (0, None, Default::default());
+                (self.question, self.round_ns, self.is_heard) = (0, None, None);
             }
             (Message::Set(goal), Socket::line(goal, driver))
         } else {
@@ -248,6 +260,7 @@ impl Protocol for Socket {
         };
         self.buffer.clear();
         write_line(&mut driver.outgoing, &line);
+        driver.asked();
         self.in_flight = Some(InFlight::new(driver.now_ns(), message));
     }
 
@@ -271,6 +284,10 @@ impl Protocol for Socket {
             Message::Set(goal) => goal.force_n(),
             _ => None,
         }
+    }
+
+    fn jaws_untold_since_ns(&self, _driver: &DriverState) -> Option<u64> {
+        (self.misses_count >= MISSES_COUNT).then_some(self.actuator.status_ns)
     }
 
     fn is_busy(&self, driver: &DriverState) -> bool {

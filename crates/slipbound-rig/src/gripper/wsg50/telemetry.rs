@@ -27,10 +27,41 @@ pub(super) struct Telemetry {
     pub limit_own_n: Option<f64>,
     /// When each of [`STATES`] was last received or requested.
     asked_ns: [Option<u64>; STATES.len()],
+    /// When each of them was last received, or the link made, ns.
+    told_ns: [u64; STATES.len()],
     limit_asked_ns: Option<u64>,
 }
 
 impl Telemetry {
+    /// On a link made at this time.
+    pub fn new(now_ns: u64) -> Self {
+        Telemetry { told_ns: [now_ns; STATES.len()], ..Telemetry::default() }
+    }
+
+    /// Since when a state has not been received, ns, if that is longer than the silence allowed and the answer to the
+    /// request that follows it.
+    fn untold_since_ns(&self, driver: &DriverState, id: u8) -> Option<u64> {
+        let told_ns = STATES.into_iter().zip(self.told_ns).find(|(state, _)| *state == id).map(|(_, told_ns)| told_ns);
+        let most_ns = (driver.config.silence_ms + driver.config.reply_ms) * 1_000_000;
+        told_ns.filter(|told_ns| driver.now_ns().saturating_sub(*told_ns) > most_ns)
+    }
+
+    /// The same for what the jaws do.
+    pub fn jaws_untold_since_ns(&self, driver: &DriverState) -> Option<u64> {
+        let states = [id::SYSTEM_STATE, id::GRASP_STATE];
+        states.into_iter().filter_map(|state| self.untold_since_ns(driver, state)).min()
+    }
+
+    /// Values that no longer come are not known.
+    pub fn forget_untold(&self, driver: &mut DriverState) {
+        if self.untold_since_ns(driver, id::OPENING).is_some() {
+            driver.gripper.opening_mm = None;
+        }
+        if self.untold_since_ns(driver, id::FORCE).is_some() {
+            driver.gripper.force_n = None;
+        }
+    }
+
     /// Subscribes to states that do not come, and asks for the limit while it is not known.
     pub fn ask(&mut self, driver: &mut DriverState) {
         if driver.outgoing.len() > MOST_UNSENT_BYTES {
@@ -65,10 +96,9 @@ impl Telemetry {
             return true;
         }
         let Some(place) = STATES.iter().position(|state| *state == id) else { return false };
-        self.asked_ns[place] = Some(driver.now_ns());
-        if code == status::OK {
-            self.take_state(driver, id, rest);
-        }
+        (self.asked_ns[place], self.told_ns[place]) = (Some(driver.now_ns()), driver.now_ns());
+        // A state that it cannot tell is not known.
+        self.take_state(driver, id, if code == status::OK { rest } else { &[] });
         true
     }
 
@@ -76,10 +106,7 @@ impl Telemetry {
         let value = || number(rest).map(f64::from);
         driver.gripper.time_ns = driver.now_ns();
         match id {
-            id::SYSTEM_STATE => match rest.first_chunk() {
-                Some(bits) => self.system = Some(u32::from_le_bytes(*bits)),
-                None => return,
-            },
+            id::SYSTEM_STATE => self.system = rest.first_chunk().map(|bits| u32::from_le_bytes(*bits)),
             id::GRASP_STATE => (self.grasp, self.is_grasp_old) = (rest.first().copied(), false),
             id::OPENING => driver.gripper.opening_mm = value().filter(|mm| (-10.0..=1000.0).contains(mm)),
             _ => driver.gripper.force_n = value().and_then(|own_n| driver.config.from_own_n(own_n)),

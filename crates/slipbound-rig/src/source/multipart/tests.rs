@@ -57,6 +57,18 @@ fn parts_with_right_wrong_and_no_lengths_are_all_found() {
 }
 
 #[test]
+fn a_part_whose_own_bytes_spell_the_delimiter_is_whole() {
+    let body = [&[0xFF, 0xD8, 7][..], b"--cam", &[9; 20], b"--cam--", &JPEG_END].concat();
+    let all =
+        vec![(format!("Content-Length: {}", body.len()), body.clone()), ("Content-Length: 999".into(), body.clone())];
+    let bytes = [stream(&all), b"--\r\n".to_vec()].concat();
+    for piece in [1, 7, bytes.len()] {
+        let (found, last, _) = parts("cam", &bytes, &[piece]);
+        assert_eq!((found, last), (vec![body.clone(), body.clone()], Ok(Found::End)), "{piece}");
+    }
+}
+
+#[test]
 fn a_part_with_the_right_length_is_given_before_the_next_delimiter_comes() {
     let mut parser = Multipart::new("cam");
     let mut part = Vec::new();
