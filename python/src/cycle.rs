@@ -43,8 +43,7 @@ impl Cycle {
         };
         let fingers = view.fingers.iter().map(|finger| {
             let report = finger.report.zip(finger.monitor).map(|(report, monitor)| {
-                let touched = report.motion.is_some() || report.shear.is_some();
-                (*report, Arc::new(Kept::of(monitor, Arc::new(monitor.sensor().clone()), touched)))
+                (*report, Arc::new(Kept::of(monitor, Arc::new(monitor.sensor().clone()), report)))
             });
             Seen { name: finger.name.to_owned(), frame: finger.frame.clone(), report }
         });

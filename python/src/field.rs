@@ -3,7 +3,7 @@
 use numpy::{PyArray1, PyArray2, PyArrayMethods as _};
 use pyo3::prelude::*;
 use slipbound::image::{Mask, SizePx};
-use slipbound::monitor::{Marker, SlipMonitor};
+use slipbound::monitor::{Marker, SlipMonitor, SlipReport};
 use slipbound::pixels::morphology::Element;
 use slipbound::plane::Vec2;
 use slipbound::sensor::Sensor;
@@ -28,8 +28,9 @@ impl Kept {
         Kept { sensor, markers: Vec::new(), alarm_margin: None, unjudged_px: Some(frame_px), regions: None }
     }
 
-    /// The state of the monitor after a frame; `touched`: whether there is a contact.
-    pub fn of(monitor: &SlipMonitor, sensor: Arc<Sensor>, touched: bool) -> Self {
+    /// The state of the monitor after the frame of this report.
+    pub fn of(monitor: &SlipMonitor, sensor: Arc<Sensor>, report: &SlipReport) -> Self {
+        let touched = report.contact.area_px2 > 0.0;
         let regions = touched.then(|| (monitor.contact_region().clone(), monitor.inner_erosion().cloned()));
         let alarm_margin = monitor.settings().slip.alarm_margin();
         Kept { sensor, markers: monitor.markers().to_vec(), alarm_margin, unjudged_px: None, regions }

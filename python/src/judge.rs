@@ -46,8 +46,7 @@ impl CustomDetector for PythonDetector {
     fn see(&mut self, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) -> f64 {
         let sensor = self.sensor.get_or_insert_with(|| Arc::new(monitor.sensor().clone())).clone();
         self.ask(|py, detector| {
-            let touched = report.motion.is_some() || report.shear.is_some();
-            let kept = Arc::new(Kept::of(monitor, sensor, touched));
+            let kept = Arc::new(Kept::of(monitor, sensor, report));
             let seen = Report { report: *report, kept, finger: "finger".into(), frame: frame.seq, waiting: None };
             let image = array(py, frame.pixels.clone(), frame.size, frame.format, ByteOrder::Bgr)?;
             detector.call_method1("see", (seen, image))?.extract()

@@ -231,7 +231,7 @@ impl Monitor {
         let finder = match phase {
             Phase::Judging(monitor, sensor) => {
                 let report = monitor.step(frame, grip);
-                let kept = Kept::of(monitor, sensor.clone(), report.motion.is_some() || report.shear.is_some());
+                let kept = Kept::of(monitor, sensor.clone(), &report);
                 return Ok((report, kept, None));
             }
             Phase::Looking(finder) => finder,

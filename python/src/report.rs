@@ -9,8 +9,9 @@ use slipbound::monitor::{
     SlipReport, SlipSummary,
 };
 use slipbound::plane::Vec2;
+use slipbound_rig::overlay::OverlayInput;
 use slipbound_rig::report_csv::{MEASURED, is_unmeasured};
-use slipbound_rig::report_json::frame_line;
+use slipbound_rig::report_json::{MarkerField, frame_line};
 use std::sync::Arc;
 
 /// x and y.
@@ -306,8 +307,11 @@ impl Report {
     /// The line of `slipbound watch --json`; with `markers` that of `watch --json --markers`.
     #[pyo3(signature = (*, markers = false))]
     fn to_json(&self, markers: bool) -> PyResult<String> {
-        let markers = markers.then_some(self.kept.markers.as_slice());
-        let line = frame_line(&self.finger, self.frame, &self.report, markers).map_err(internal)?;
+        let line = self.kept.seen(|OverlayInput { markers: all, contact_region, .. }| {
+            let field = markers.then_some(MarkerField { markers: all, contact_region });
+            frame_line(&self.finger, self.frame, &self.report, field)
+        });
+        let line = line.map_err(internal)?;
         let line = String::from_utf8(line).map_err(internal)?;
         Ok(match &self.waiting {
             None => line,

@@ -290,8 +290,7 @@ impl Watch {
                 }
             }
         };
-        let touched = report.motion.is_some() || report.shear.is_some();
-        let kept = Arc::new(Kept::of(open.monitor.monitor(), self.sensor.clone(), touched));
+        let kept = Arc::new(Kept::of(open.monitor.monitor(), self.sensor.clone(), &report));
         let frame = open.frames_count;
         open.frames_count += 1;
         let report = Report { report, kept, finger: self.finger.clone(), frame, waiting: None };

@@ -11,7 +11,7 @@ pub(crate) mod drawing;
 pub(crate) mod markup;
 pub(crate) mod picture;
 
-pub use chart::{Chart, Draw, Series};
+pub use chart::{Chart, Draw, Range, Series};
 
 use markup::{Escaped, base64};
 use slipbound::image::SizePx;
@@ -147,6 +147,7 @@ mod tests {
             y: (0.0, 1.0),
             series: vec![series, thick],
             lines_at: vec![0.2],
+            ranges: vec![Range { name: "f < 0.2".into(), x: (0.0, 0.2), is_good: false }],
         };
         let figure = Figure::new("worst", "missed", &vec![128; 3 * size.area()], size).expect("a picture");
         let page = HtmlPage {

@@ -16,9 +16,13 @@
 //! A line is flushed as soon as it is written, so what was judged is kept when a later frame fails. Numbers of a
 //! frame have at most 4 decimals; what is not a number is null. Readers must ignore keys they do not know.
 
+mod outline;
+
 use serde::{Deserialize, Serialize};
 use serde_json::ser::Formatter;
-use slipbound::monitor::{Marker, RestKind, Settings, SlipReport};
+use slipbound::image::Mask;
+use slipbound::monitor::{Marker, RestKind, Settings, SlipMonitor, SlipReport};
+use slipbound::plane::Vec2;
 use slipbound::port::Clock;
 use slipbound::sensor::Sensor;
 use std::io::{self, Write};
@@ -86,6 +90,21 @@ struct HeaderLine<'a> {
     header: &'a Header<'a>,
 }
 
+/// What a line also contains where every marker is asked for.
+#[derive(Debug, Clone, Copy)]
+pub struct MarkerField<'a> {
+    /// Every marker after the frame.
+    pub markers: &'a [Marker],
+    /// The contact region, rectified.
+    pub contact_region: &'a Mask,
+}
+
+impl<'a> From<&'a SlipMonitor> for MarkerField<'a> {
+    fn from(monitor: &'a SlipMonitor) -> Self {
+        MarkerField { markers: monitor.markers(), contact_region: monitor.contact_region() }
+    }
+}
+
 /// A frame as it is written.
 #[derive(Serialize)]
 struct FrameLine<'a> {
@@ -97,24 +116,32 @@ struct FrameLine<'a> {
     field: Option<Field<'a>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     lost_ids: Option<Vec<u32>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    contact_outline_px: Option<Vec<Vec<Vec2>>>,
 }
 
-/// All markers, `[id, x_px, y_px, dx_px, dy_px, slip_x_px, slip_y_px, inner, over]` each.
+/// All markers, `[id, x_px, y_px, dx_px, dy_px, slip_x_px, slip_y_px, inner, over, in_contact]` each.
 struct Field<'a>(&'a [Marker]);
 
 impl Serialize for Field<'_> {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_seq(self.0.iter().map(|m| {
             let moved = m.now_from_rest();
-            (m.id, m.now.x, m.now.y, moved.x, moved.y, m.slip.x, m.slip.y, u8::from(m.inner), u8::from(m.over))
+            let flags = [m.inner, m.over, m.in_contact].map(u8::from);
+            (m.id, m.now.x, m.now.y, moved.x, moved.y, m.slip.x, m.slip.y, flags[0], flags[1], flags[2])
         }))
     }
 }
 
 /// The line of a frame by itself, without an end of line: frame number `frame` of the finger called `finger`.
-pub fn frame_line(finger: &str, frame: u64, report: &SlipReport, markers: Option<&[Marker]>) -> io::Result<Vec<u8>> {
+pub fn frame_line(
+    finger: &str,
+    frame: u64,
+    report: &SlipReport,
+    field: Option<MarkerField<'_>>,
+) -> io::Result<Vec<u8>> {
     let mut line = Vec::new();
-    put_frame(&mut line, finger, frame, report, markers)?;
+    put_frame(&mut line, finger, frame, report, field)?;
     Ok(line)
 }
 
@@ -136,10 +163,16 @@ fn put_frame(
     finger: &str,
     frame: u64,
     report: &SlipReport,
-    markers: Option<&[Marker]>,
+    field: Option<MarkerField<'_>>,
 ) -> io::Result<()> {
-    let lost_ids = markers.map(|all| all.iter().filter(|m| !m.matched).map(|m| m.id).collect());
-    let written = FrameLine { finger, frame, report, field: markers.map(Field), lost_ids };
+    let lost_ids = field.map(|f| f.markers.iter().filter(|m| !m.matched).map(|m| m.id).collect());
+    // A frame that was not judged has no contact region of its own.
+    let outlines = |f: MarkerField<'_>| match report.contact.area_px2 {
+        0.0 => Vec::new(),
+        _ => outline::outlines(f.contact_region),
+    };
+    let (contact_outline_px, field) = (field.map(outlines), field.map(|f| Field(f.markers)));
+    let written = FrameLine { finger, frame, report, field, lost_ids, contact_outline_px };
     Ok(written.serialize(&mut serde_json::Serializer::with_formatter(line, FourDecimals))?)
 }
 
@@ -168,10 +201,10 @@ impl<W: Write> ReportJson<W> {
         Ok(ReportJson { to, finger: header.finger.to_owned(), frames_count: 0, line: Vec::new() })
     }
 
-    /// Writes the line of the next frame; with `markers` also where each of them is.
-    pub fn frame(&mut self, report: &SlipReport, markers: Option<&[Marker]>) -> io::Result<()> {
+    /// Writes the line of the next frame; with `field` also where each marker is, and the outline of the contact.
+    pub fn frame(&mut self, report: &SlipReport, field: Option<MarkerField<'_>>) -> io::Result<()> {
         self.line.clear();
-        put_frame(&mut self.line, &self.finger, self.frames_count, report, markers)?;
+        put_frame(&mut self.line, &self.finger, self.frames_count, report, field)?;
         self.line.push(b'\n');
         self.to.write_all(&self.line)?;
         self.to.flush()?;
@@ -204,7 +237,6 @@ mod tests {
         ContactReport, Estimate, Estimates, EvidenceReport, MarkerCounts, MotionReport, Reason, ShearReport, SlipKind,
         SlipState, SlipSummary,
     };
-    use slipbound::plane::Vec2;
 
     fn report() -> SlipReport {
         SlipReport {
@@ -273,6 +305,18 @@ mod tests {
         }
     }
 
+    fn region() -> Mask {
+        Mask::from_picture(
+            "......
+             .####.
+             .####.",
+        )
+    }
+
+    fn field<'a>(markers: &'a [Marker], contact_region: &'a Mask) -> MarkerField<'a> {
+        MarkerField { markers, contact_region }
+    }
+
     fn header<'a>(sensor: &'a Sensor, settings: &'a Settings) -> Header<'a> {
         let rest = RestOrigin { kind: RestOriginKind::InContact, frames: Some([0, 6]) };
         let (source, note) = ("a folder", Some("starts in contact".into()));
@@ -284,7 +328,7 @@ mod tests {
         let mut out = Vec::new();
         let mut json = ReportJson::new(&mut out, &header(&sensor, &settings)).expect("writes");
         json.frame(&report(), None).expect("writes");
-        json.frame(&report(), Some(&[marker()])).expect("writes");
+        json.frame(&report(), Some(field(&[marker()], &region()))).expect("writes");
         let reason = Some(Reason::Torn);
         let torn = SlipReport { state: SlipState::Unjudged, reason, motion: None, time_ns: None, ..report() };
         json.frame(&torn, None).expect("writes");
@@ -307,7 +351,7 @@ mod tests {
 
     #[test]
     fn a_line_by_itself_is_the_same() {
-        let line = frame_line("left", 1, &report(), Some(&[marker()])).expect("writes");
+        let line = frame_line("left", 1, &report(), Some(field(&[marker()], &region()))).expect("writes");
         assert_eq!(String::from_utf8(line).expect("UTF-8"), lines()[2]);
     }
 
@@ -363,8 +407,25 @@ mod tests {
     #[test]
     fn markers_are_short_rows() {
         let line: Value = serde_json::from_str(&lines()[2]).expect("JSON");
-        assert_eq!(line["field"].to_string(), "[[4,11.5,19,1.5,-1,0.25,null,1,0]]");
+        assert_eq!(line["field"].to_string(), "[[4,11.5,19,1.5,-1,0.25,null,1,0,1]]");
+        assert_eq!(line["contact_outline_px"].to_string(), "[[[4.5,0.5],[4.5,2.5],[0.5,2.5],[0.5,0.5]]]");
         assert_eq!(line["frame"], 1);
+    }
+
+    #[test]
+    fn a_frame_that_was_not_judged_has_no_outline_of_the_one_before() {
+        let torn = SlipReport { contact: ContactReport::default(), ..report() };
+        let line = frame_line("left", 1, &torn, Some(field(&[], &region()))).expect("writes");
+        let line: Value = serde_json::from_slice(&line).expect("JSON");
+        assert_eq!(line["contact_outline_px"], Value::Array(Vec::new()));
+    }
+
+    #[test]
+    fn the_published_schema_takes_rows_without_in_contact_and_a_line_without_outline() {
+        let mut line: Value = serde_json::from_str(&lines()[2]).expect("JSON");
+        line["field"][0].as_array_mut().expect("a row").pop();
+        line.as_object_mut().expect("an object").remove("contact_outline_px");
+        assert!(schema().is_valid(&line), "as written before they existed");
     }
 
     #[test]
@@ -414,6 +475,8 @@ mod tests {
             (1, "/evidence/slides", Value::from("yes")),
             (1, "/evidence/relaxation", Value::from(1.5)),
             (2, "/field/0/7", Value::from(2)),
+            (2, "/field/0/9", Value::from(2)),
+            (2, "/contact_outline_px/0", Value::from(vec![1, 2])),
             (2, "/field/0", Value::from(vec![1, 2])),
         ] {
             let mut line: Value = serde_json::from_str(&lines[line]).expect("JSON");

@@ -36,7 +36,7 @@ mod thinned;
 mod words;
 
 pub use error::Error;
-pub use event::{Event, TimedEvent};
+pub use event::{Event, FingerVerdict, TimedEvent};
 pub(crate) use folder::prepare_folder;
 pub use folder::{RunFolder, free_folder, read, refuse_used_folder};
 pub use frames::{FrameRecorder, RecordedSource};

@@ -8,6 +8,7 @@ mod files;
 mod program;
 mod trial;
 
+use program::Ended;
 use std::fs;
 use trial::{Trial, states};
 
@@ -57,6 +58,42 @@ fn the_report_fits_the_published_schema_and_has_nothing_of_our_clock() {
         let faults: Vec<String> = schema.iter_errors(&line).map(|e| e.to_string()).collect();
         assert!(faults.is_empty(), "{line}: {faults:?}");
     }
+}
+
+/// All but the markers at the rim; the outlines of holes count negative for the area.
+#[test]
+fn the_outline_encloses_the_markers_in_contact_and_its_area_is_that_of_the_contact() {
+    type Outline = Vec<[f64; 2]>;
+    let trial = Trial::new(0);
+    let arguments = ["watch", "sim:ramp?object=screwdriver&grid=fast&seed=3", "--json", "report.json", "--markers"];
+    Ended::of(trial.command(&arguments).output().expect("runs")).expect(0, &[]);
+    let mut in_contact_count = 0;
+    for line in &trial.report("report.json")[1..] {
+        let outlines = serde_json::from_value(line["contact_outline_px"].clone());
+        let outlines: Vec<Outline> = outlines.expect("outlines of points");
+        let sides = || outlines.iter().flat_map(|o| o.iter().zip(o.iter().cycle().skip(1)));
+        let area_px2 = sides().map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum::<f64>() / 2.0;
+        let expected_px2 = line["contact"]["area_px2"].as_f64().expect("a number");
+        assert!((area_px2 - expected_px2).abs() <= 0.03 * expected_px2, "{area_px2} of {expected_px2} px2");
+        for marker in line["field"].as_array().expect("a field") {
+            let number = |i: usize| marker[i].as_f64().expect("a number");
+            let (x, y, is_in) = (number(1), number(2), number(9) == 1.0);
+            let cuts = |a: &[f64; 2], b: &[f64; 2]| {
+                (a[1] <= y) != (b[1] <= y) && a[0] + (b[0] - a[0]) * (y - a[1]) / (b[1] - a[1]) > x
+            };
+            let off_px = |a: &[f64; 2], b: &[f64; 2]| {
+                let (along, to) = ([b[0] - a[0], b[1] - a[1]], [x - a[0], y - a[1]]);
+                let share = (along[0] * to[0] + along[1] * to[1]) / (along[0] * along[0] + along[1] * along[1]);
+                let share = share.clamp(0.0, 1.0);
+                (to[0] - share * along[0]).hypot(to[1] - share * along[1])
+            };
+            let is_at_the_rim = sides().any(|(a, b)| off_px(a, b) < 2.0);
+            let is_inside = sides().filter(|(a, b)| cuts(a, b)).count() % 2 == 1;
+            assert!(is_inside == is_in || is_at_the_rim, "{marker} and {outlines:?}");
+            in_contact_count += usize::from(is_in);
+        }
+    }
+    assert!(in_contact_count > 500, "{in_contact_count} markers in contact");
 }
 
 /// The example in the source, which rustdoc shows, has only keys that a report has.

@@ -20,7 +20,7 @@ const SCORED_FROM_FRACTION: f64 = 0.1;
 const FRICTION_FROM_FRACTION: f64 = 0.3;
 
 /// A load fraction below which a report of `gross` is false.
-const GROSS_FROM_FRACTION: f64 = 0.8;
+pub(super) const GROSS_FROM_FRACTION: f64 = 0.8;
 
 /// Number of frames with steady grip that a frame needs to be scored: 0.2 s.
 const STEADY_FRAMES: usize = FRAME_RATE_HZ as usize / 5;
@@ -188,16 +188,21 @@ pub fn record(scored_trial: &ScoredTrial, entry: &Entry, watched: &Watched, seen
     }
 }
 
+/// Key of the first frame with a report of `gross`: null where there is none.
+pub(super) const GROSS_SAID: &str = "gross_said_frame";
+/// Key of whether that report is false.
+pub(super) const GROSS_FALSE: &str = "gross_false";
+
 /// When `gross` was reported, and whether it persisted.
 fn with_gross(record: TrialRecord, watched: &Watched, seen: &[Seen], f: &[f64]) -> TrialRecord {
     let truth = &watched.truth;
     let reports_gross = |n: &usize| seen[*n].state == SlipState::Gross;
-    let Some(first) = (0..truth.len()).find(reports_gross) else { return record.with("gross_said_frame", None::<u64>) };
+    let Some(first) = (0..truth.len()).find(reports_gross) else { return record.with(GROSS_SAID, None::<u64>) };
     // A slide that changes direction has less load along the first direction, but still slides.
     let slid = |n: usize| watched.gross.is_some_and(|gross| gross.is_shown_at(truth[n].time_s));
     let is_true = |n: &usize| watched.gross.is_some() && (f[*n] >= GROSS_FROM_FRACTION || slid(*n));
     let is_false = !is_true(&first);
-    let record = record.with("gross_said_frame", truth[first].frame).with("gross_false", is_false);
+    let record = record.with(GROSS_SAID, truth[first].frame).with(GROSS_FALSE, is_false);
     let Some(gross) = watched.gross else { return record };
     let Some(began) = (0..truth.len()).find(|&n| slid(n)) else { return record };
     // The first report that is not false: an early one must not count as fast.

@@ -8,6 +8,7 @@
 //! An episode is a trial, so an interrupted sweep can be continued; 120 of them are two hours.
 
 use super::error::EvalError;
+use super::outcome::GROSS_FROM_FRACTION;
 use super::protocol::Protocol;
 use super::record::TrialRecord;
 use super::statistics::{Estimated, rate_per_h, share};
@@ -20,6 +21,7 @@ use crate::random::Random;
 use crate::rivals::{DETECTORS, Entry};
 use crate::scenes::{LoadProfile, Pull, Trial};
 use crate::world::FRAME_RATE_HZ;
+use slipbound::monitor::SlipState;
 use slipbound::plane::Vec2;
 use std::collections::BTreeMap;
 
@@ -189,6 +191,11 @@ fn record(number: u64, trial: &Trial, script: &Script, watched: &Watched, entry:
     for &n in &alarms {
         *by_event.entry(event_at(watched.truth[n].frame).unwrap_or("press")).or_default() += 1;
     }
+    let is_gross = |n: usize| seen[n].state == SlipState::Gross && counts(n);
+    let gross_begins = |n: usize| is_gross(n) && (n == 0 || !is_gross(n - 1));
+    // As in the other protocols.
+    let is_false = |n: usize| load(n) < GROSS_FROM_FRACTION && !watched.truth[n].slides;
+    let false_gross = (0..seen.len()).filter(|&n| gross_begins(n) && is_false(n)).count();
     let held = (0..seen.len()).filter(|&n| watched.truth[n].frame >= watched.load_from_frame);
     TrialRecord {
         number,
@@ -203,6 +210,7 @@ fn record(number: u64, trial: &Trial, script: &Script, watched: &Watched, entry:
     }
     .with("alarms", alarms.len())
     .with("alarms_under_load", under_load.len())
+    .with("false_gross", entry.is_ours().then_some(false_gross))
     .with("alarms_by_event", serde_json::json!(by_event))
     .with("frames", (0..seen.len()).filter(|&n| counts(n)).count())
     .with("alarm_frames", (0..seen.len()).filter(|&n| counts(n) && seen[n].alarms).count())
@@ -230,13 +238,15 @@ impl Protocol for Quiet {
         let mut table = Table::new(
             "Alarms where nothing slides",
             "An alarm is counted when it begins, and as false at a load below 0.2 mu P; a grip that is let go while it holds some shear \
-             loads the contact more. The bound on the rate holds at 95 %, one-sided (Garwood); it takes alarms as independent.",
+             loads the contact more. The bound on the rate holds at 95 %, one-sided (Garwood); it takes alarms as independent. \
+             False gross: reports of gross slip that begin below 0.8 mu P where the object does not slide.",
             &[
                 "detector",
                 "frames",
                 "hours",
                 "false alarms",
                 "above 0.2 mu P",
+                "false gross",
                 "per hour, bound above",
                 "episodes with one %",
                 "frames in alarm %",
@@ -254,6 +264,7 @@ impl Protocol for Quiet {
             }
             let sum = |key: &str| some.iter().filter_map(|r| r.number_of(key)).sum::<f64>() as u64;
             let (frames, alarms) = (sum("frames"), sum("alarms"));
+            let false_gross: Option<f64> = some.iter().map(|r| r.number_of("false_gross")).sum();
             let hours_h = frames as f64 / FRAME_RATE_HZ as f64 / 3600.0;
             table.rows.push(vec![
                 entry.name.into(),
@@ -261,6 +272,8 @@ impl Protocol for Quiet {
                 Cell::Number(Estimated { value: Some(hours_h), low: None, high: None, n: frames }, 2),
                 Cell::Count(alarms),
                 Cell::Count(sum("alarms_under_load")),
+                // Rivals do not report it, and older records do not say.
+                false_gross.map_or(Cell::None, |count| Cell::Count(count as u64)),
                 Cell::Number(rate_per_h(alarms, hours_h), 2),
                 Cell::Share(share(some.iter().filter(|r| r.verdict).count() as u64, some.len() as u64)),
                 Cell::Share(share(sum("alarm_frames"), frames)),
@@ -289,7 +302,10 @@ impl Protocol for Quiet {
 
 #[cfg(test)]
 mod tests {
+    use super::super::ground_truth::GroundTruth;
     use super::*;
+    use crate::contact::Wrench;
+    use crate::rivals::named;
     use crate::world::{Physics, World};
 
     #[test]
@@ -311,5 +327,53 @@ mod tests {
             assert!(most < 0.2, "{number}: {most}");
             assert!(what.stills.iter().all(|(at, _)| *at < frames));
         }
+    }
+
+    /// Frames of 0.1 of the load, the states as letters: `g` gross, `i` incipient slip.
+    fn judged(detector: &str, states: &str, slides_at: Option<usize>) -> TrialRecord {
+        let (script, what) = Quiet::new(0, None).watch_of(3).expect("a sound trial");
+        let grip_n = 10.0;
+        let truth = |n: usize| GroundTruth {
+            frame: n as u64,
+            time_s: n as f64 / 30.0,
+            load: None,
+            stick_ratio: None,
+            grip_n,
+            wrench: Wrench { force_n: Vec2::new(0.1 * what.trial.mu() * grip_n, 0.0), torque_n_mm: 0.0 },
+            pose: Default::default(),
+            slip_mm: Vec2::ZERO,
+            arm_mm: 5.0,
+            slides: slides_at == Some(n),
+        };
+        let seen = |state: char| Seen {
+            score: 0.0,
+            alarms: state != '.',
+            state: match state {
+                'g' => SlipState::Gross,
+                'i' => SlipState::Incipient,
+                _ => SlipState::Stick,
+            },
+            estimates: Default::default(),
+        };
+        let watched = Watched { truth: (0..states.len()).map(truth).collect(), ..Default::default() };
+        let seen: Vec<Seen> = states.chars().map(seen).collect();
+        record(3, &what.trial, &script, &watched, named(detector).expect("a detector"), &seen)
+    }
+
+    #[test]
+    fn false_reports_of_gross_slip_are_counted_apart() {
+        let column = |records: &[TrialRecord]| {
+            let table = &Quiet::new(0, Some(1)).tables(records)[0];
+            let place = table.columns.iter().position(|column| column == "false gross").expect("a column");
+            table.shown()[0][place].clone()
+        };
+        let ours = judged("ours", "..ii.iggi.g..", None);
+        assert_eq!(column(std::slice::from_ref(&ours)), "2");
+        assert_eq!(column(&[judged("ours", "..ii.iggi.g..", Some(10))]), "1", "the other is true");
+        assert_eq!(column(&[judged("ours", "..ii.....", None)]), "0");
+        assert_eq!(column(&[judged("paper", "..ggg....", None)]), "-", "not its own report");
+        let mut older = ours.clone();
+        older.more.remove("false_gross");
+        assert_eq!(column(&[ours, older]), "-", "the older one does not say");
     }
 }

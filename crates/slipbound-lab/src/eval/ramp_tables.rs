@@ -1,6 +1,6 @@
 //! Tables over ramps: alarms, lead time, accuracy, direction, gross slip.
 
-use super::outcome::{FALSE_BELOW_FRACTION, Outcome, SCORE_BELOW, left_out_note, never_slides};
+use super::outcome::{FALSE_BELOW_FRACTION, GROSS_FALSE, Outcome, SCORE_BELOW, left_out_note, never_slides};
 use super::record::TrialRecord;
 use super::statistics::{Estimated, auc, mean, median, quantile, share, share_of};
 use super::table::{Cell, Table};
@@ -192,7 +192,7 @@ pub(super) fn gross_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
     let sum = |key: &str| numbers(all, key).iter().sum::<f64>() as u64;
     // A ramp in which it was never reported is not within two frames.
     let within = delays.iter().filter(|&&delay| delay <= GROSS_WITHIN_FRAMES as f64).count() as u64;
-    let wrong = all.iter().filter(|r| r.flag_of("gross_false") == Some(true)).count() as u64;
+    let wrong = all.iter().filter(|r| r.flag_of(GROSS_FALSE) == Some(true)).count() as u64;
     vec![
         name.into(),
         Cell::Count(all.len() as u64),

@@ -8,7 +8,7 @@
 //! Errors that are distributed normally are within one standard deviation (sd) in 68 % of the frames, within two in 95 %.
 
 use super::record::TrialRecord;
-use super::statistics::mean;
+use super::statistics::{mean, mean_share};
 use super::table::{Cell, Table};
 use slipbound::monitor::Estimate;
 
@@ -70,7 +70,7 @@ pub(super) fn table<'a>(records: &[TrialRecord], detectors: impl Iterator<Item =
         let of: Vec<&TrialRecord> = records.iter().filter(|r| r.detector == detector).collect();
         for estimate in ESTIMATES {
             let [one, two] = [1, 2].map(|stated_sds| {
-                mean(&of.iter().filter_map(|r| r.number_of(&key(estimate, stated_sds))).collect::<Vec<f64>>())
+                mean_share(&of.iter().filter_map(|r| r.number_of(&key(estimate, stated_sds))).collect::<Vec<f64>>())
             });
             if one.n > 0 {
                 table.rows.push(vec![
@@ -84,4 +84,31 @@ pub(super) fn table<'a>(records: &[TrialRecord], detectors: impl Iterator<Item =
         }
     }
     (!table.rows.is_empty()).then_some(table)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_interval_of_a_mean_share_ends_at_the_whole() {
+        let record = |within: f64| {
+            TrialRecord {
+                number: 0,
+                trial: "t".into(),
+                object: "scissors".into(),
+                detector: "ours".into(),
+                truth: Some(true),
+                verdict: true,
+                score: 1.0,
+                first_alarm_frame: None,
+                more: Default::default(),
+            }
+            .with(&key("margin", 1), within)
+            .with(&key("margin", 2), 1.0)
+        };
+        let records = [1.0, 0.99, 1.0, 0.97].map(record);
+        let shown = table(&records, ["ours"].into_iter()).expect("ramps").shown();
+        assert_eq!(shown, [["ours", "margin", "4", "99.0 [96.7, 100.0]", "100.0 [100.0, 100.0]"]]);
+    }
 }

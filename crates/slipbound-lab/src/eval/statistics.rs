@@ -213,6 +213,12 @@ pub fn mean(sample: &[f64]) -> Estimated {
     }
 }
 
+/// The mean of shares, such as the share of the frames of each trial, as [`mean`]; it is not above 1.
+pub fn mean_share(shares: &[f64]) -> Estimated {
+    let mean = mean(shares);
+    Estimated { high: mean.high.map(|high| high.min(1.0)), ..mean }
+}
+
 /// Events per hour, with the exact (Garwood) one-sided 95 % upper bound; the lower end is 0. No event in T hours bounds
 /// the rate at 3.0 / T.
 pub fn rate_per_h(events: u64, hours_h: f64) -> Estimated {

@@ -5,7 +5,7 @@
 //! detector restarts at the last frame before the load, as the paper takes its reference once the object is held.
 
 use super::error::EvalError;
-use super::outcome::{Outcome, ScoredTrial, left_out_note, never_slides, record};
+use super::outcome::{GROSS_FALSE, GROSS_SAID, Outcome, ScoredTrial, left_out_note, never_slides, record};
 use super::protocol::Protocol;
 use super::record::TrialRecord;
 use super::statistics::{auc, quantile, share};
@@ -230,7 +230,7 @@ impl Protocol for Table1 {
     }
 }
 
-const HEAD: [&str; 10] = [
+const HEAD: [&str; 11] = [
     "detector",
     "trials",
     "right %",
@@ -241,6 +241,7 @@ const HEAD: [&str; 10] = [
     "coverage %",
     "while gripping",
     "AUC",
+    "gross without slip",
 ];
 
 /// Share of right verdicts.
@@ -265,6 +266,11 @@ fn row(name: Cell, records: &[&TrialRecord]) -> Option<Vec<Cell>> {
     let sum = |key: &str| records.iter().filter_map(|r| r.number_of(key)).sum::<f64>() as u64;
     let scores =
         |truth: bool| -> Vec<f64> { records.iter().filter(|r| r.truth == Some(truth)).map(|r| r.score).collect() };
+    // Rivals do not report it, and older records do not say.
+    let is_ours = DETECTORS.iter().any(|entry| entry.is_ours() && entry.name == records[0].detector);
+    let negatives = records.iter().filter(|r| r.truth == Some(false));
+    let says_gross = |r: &&TrialRecord| r.more.get(GROSS_SAID).map(|_| u64::from(r.flag_of(GROSS_FALSE) == Some(true)));
+    let gross: Option<u64> = negatives.map(says_gross).sum();
     let gripping = records.iter().filter(|r| r.flag_of("alarm_while_gripping") == Some(true)).count() as u64;
     Some(vec![
         name,
@@ -277,6 +283,7 @@ fn row(name: Cell, records: &[&TrialRecord]) -> Option<Vec<Cell>> {
         Cell::Share(share(sum("decided_frames"), sum("loaded_frames"))),
         Cell::Count(gripping),
         Cell::Number(auc(&scores(true), &scores(false)), 3),
+        gross.filter(|_| is_ours).map_or(Cell::None, Cell::Count),
     ])
 }
 
@@ -353,6 +360,12 @@ mod tests {
         );
         assert_eq!(tables[0].rows.last().map(|row| row[2].clone()), Some(Cell::published(86.25, 240)));
         assert!(matches!(&row[9], Cell::Number(area, _) if area.value == Some(2.0 / 3.0)), "{:?}", row[9]);
+        let gross_of = |records: &[TrialRecord]| Table1::new(0, Some(4)).tables(records)[0].rows[0][10].clone();
+        assert_eq!(gross_of(&records), Cell::None, "records from before it was counted");
+        let mut told = records.clone().map(|r| r.with("gross_said_frame", 7).with("gross_false", true));
+        assert_eq!(gross_of(&told), Cell::Count(1), "of the one trial without slip");
+        told.iter_mut().for_each(|r| r.detector = "paper".into());
+        assert_eq!(gross_of(&told), Cell::None, "a rival reports none");
         assert!(tables[0].markdown().contains("| as published, on real touch | 240 | 86.25 | 0.83 | 12.92 |"));
         for (table, row) in tables.iter().flat_map(|table| table.rows.iter().map(move |row| (table, row))) {
             for (column, cell) in table.columns.iter().zip(row).filter(|(column, _)| column.ends_with('%')) {

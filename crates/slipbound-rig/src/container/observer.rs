@@ -33,7 +33,7 @@ impl McapObserver {
     /// For a loop with frames from `sources`. It does not wait for the disk.
     pub fn new(inlet: Inlet, info: RunInfo, sources: Vec<String>) -> Self {
         let reports = info.fingers.iter().map(|_| None).collect();
-        let log = EventLog::new(info.finger_names());
+        let log = EventLog::new(&info);
         let notes = RunNotes::default();
         McapObserver { inlet, info, sources, reports, log, notes, keeps_frames: false, has_gap: false, lost_count: 0 }
     }
@@ -143,7 +143,8 @@ impl CycleObserver for McapObserver {
             self.line("/cycle/frames", json);
         }
         let Some(cycle) = cycle else { return };
-        for event in self.log.see(&cycle) {
+        let reports: Vec<_> = view.fingers.iter().map(|finger| finger.report).collect();
+        for event in self.log.see(&cycle, &reports) {
             self.event(cycle.time_ns, event);
         }
     }

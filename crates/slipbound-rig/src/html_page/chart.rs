@@ -3,7 +3,7 @@
 use super::drawing;
 use super::markup::Escaped;
 use kuva::plot::LinePlot;
-use kuva::render::annotations::ReferenceLine;
+use kuva::render::annotations::{ReferenceLine, ShadedRegion};
 use kuva::render::layout::{Layout, TickFormat};
 use kuva::render::plots::Plot;
 use std::fmt;
@@ -32,6 +32,32 @@ pub struct Chart {
     pub series: Vec<Series>,
     /// Dashed vertical lines.
     pub lines_at: Vec<f64>,
+    /// Ranges of the horizontal axis behind the lines.
+    pub ranges: Vec<Range>,
+}
+
+/// A shaded range of the horizontal axis.
+#[derive(Debug, Clone)]
+pub struct Range {
+    /// What it is called.
+    pub name: String,
+    /// From where to where it goes.
+    pub x: (f64, f64),
+    /// Whether values in it are good.
+    pub is_good: bool,
+}
+
+/// Share of its colour in a range.
+const RANGE_OPACITY: f64 = 0.18;
+
+impl Range {
+    fn colour(&self) -> &'static str {
+        if self.is_good { "var(--good)" } else { "var(--bad)" }
+    }
+
+    fn region(&self) -> ShadedRegion {
+        ShadedRegion::vertical(self.x.0, self.x.1).with_color(self.colour()).with_opacity(RANGE_OPACITY)
+    }
 }
 
 /// A line.
@@ -79,6 +105,11 @@ impl Chart {
             let (colour, name) = (series.colour(), Escaped(&series.name));
             writeln!(f, "<span class=\"line\"><i class=\"solid\" style=\"--c:{colour}\"></i>{name}</span>")?;
         }
+        for range in &self.ranges {
+            let (colour, name, percent) = (range.colour(), Escaped(&range.name), 100.0 * RANGE_OPACITY);
+            let tint = format!("color-mix(in srgb, {colour} {percent}%, transparent)");
+            writeln!(f, "<span class=\"line\"><i class=\"fill\" style=\"--c:{tint}\"></i>{name}</span>")?;
+        }
         let label = Escaped(&self.title);
         writeln!(f, "</figcaption>")?;
         for (class, width_px, height_px) in SIZES {
@@ -106,6 +137,9 @@ impl Chart {
             .with_tick_format(plain_decimals())
             .with_tick_size(12)
             .with_label_size(12);
+        for range in &self.ranges {
+            layout = layout.with_shaded_region(range.region());
+        }
         for &x in &self.lines_at {
             layout = layout.with_reference_line(ReferenceLine::vertical(x).with_color("var(--axis)"));
         }

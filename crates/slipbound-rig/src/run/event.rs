@@ -1,11 +1,11 @@
 //! One record per cycle -> a few events.
 
-use super::Row;
+use super::{Row, RunInfo};
 use serde::{Deserialize, Serialize};
 use slipbound::control::Cycle;
 use slipbound::events::{Episode, SlipEpisodes, SlipObservation};
 use slipbound::hand::{HandSlip, HandVector, Health};
-use slipbound::monitor::SlipState;
+use slipbound::monitor::{SlipReport, SlipState};
 use slipbound::port::GripCommand;
 use slipbound::task::{Ending, Phase};
 
@@ -42,6 +42,9 @@ pub enum Event {
         direction: String,
         /// How many fingers see it.
         fingers_count: u32,
+        /// On what evidence: every live finger. Empty where it is not known, as in runs from before it was recorded.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        fingers: Vec<FingerVerdict>,
         /// Whether the whole contact slides.
         gross: bool,
         /// Force at which it slipped, N per finger: measured, else the force commanded before; None when neither is a
@@ -94,17 +97,34 @@ pub enum Event {
     Result(Row),
 }
 
+/// The verdict of a finger and what decided it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FingerVerdict {
+    /// Its name.
+    pub finger: String,
+    /// The verdict.
+    pub state: SlipState,
+    /// Its slip margin; None where it is not known, or where the markers decide.
+    pub margin: Option<f64>,
+    /// Its markers over the threshold.
+    pub markers_over: u32,
+    /// The fewest of them that mean slip.
+    pub markers_needed: u32,
+}
+
 /// Folds cycles into events.
 #[derive(Debug)]
 pub(crate) struct EventLog {
     fingers: Vec<String>,
+    margin_decides: bool,
     last: Option<Cycle>,
     slips: SlipEpisodes,
 }
 
 impl EventLog {
-    pub fn new(fingers: Vec<String>) -> Self {
-        EventLog { fingers, last: None, slips: SlipEpisodes::default() }
+    pub fn new(info: &RunInfo) -> Self {
+        let margin_decides = info.monitor_settings.slip.alarm_margin().is_some();
+        EventLog { fingers: info.finger_names(), margin_decides, last: None, slips: SlipEpisodes::default() }
     }
 
     /// Slips that have begun so far.
@@ -112,10 +132,11 @@ impl EventLog {
         self.last.map_or(0, |last| last.slips_count)
     }
 
-    /// The events of this cycle, in reading order.
-    pub fn see(&mut self, cycle: &Cycle) -> Vec<Event> {
+    /// The events of this cycle, in reading order. `reports`: those of the fingers in this cycle, as far as they are
+    /// known.
+    pub fn see(&mut self, cycle: &Cycle, reports: &[Option<&SlipReport>]) -> Vec<Event> {
         let mut events = self.fingers_changed(cycle);
-        self.slips(cycle, &mut events);
+        self.slips(cycle, reports, &mut events);
         let before = self.last.as_ref().map(|last| last.grip_command);
         if let (Some(GripCommand::Hold { force_n: from_n }), GripCommand::Hold { force_n: to_n }) =
             (before, cycle.grip_command)
@@ -151,7 +172,7 @@ impl EventLog {
         changed.map(|((_, finger), &health)| Event::Finger { finger: finger.clone(), health }).collect()
     }
 
-    fn slips(&mut self, cycle: &Cycle, events: &mut Vec<Event>) {
+    fn slips(&mut self, cycle: &Cycle, reports: &[Option<&SlipReport>], events: &mut Vec<Event>) {
         let change = self.slips.see(&SlipObservation::of_hand(cycle.time_ns, &cycle.hand));
         // The number is the loop's own: a queue may have lost cycles before this one.
         events.extend(change.ended.map(|slip| ends(&slip, self.slips_count())));
@@ -162,10 +183,25 @@ impl EventLog {
                 slip: cycle.slips_count,
                 direction: cycle.hand.slip.as_ref().map_or_else(String::new, direction),
                 fingers_count: cycle.hand.slip.map_or(0, |slip| slip.fingers_count),
+                fingers: self.verdicts(cycle, reports),
                 gross: cycle.hand.state == SlipState::Gross,
                 force_n: force_n.and_then(finite),
             });
         }
+    }
+
+    /// The verdicts of the fingers that were fused: those that are live.
+    fn verdicts(&self, cycle: &Cycle, reports: &[Option<&SlipReport>]) -> Vec<FingerVerdict> {
+        let fingers = self.fingers.iter().zip(reports).zip(&cycle.hand.health);
+        let live = fingers.filter(|(_, health)| **health == Health::Live);
+        let verdict = |(finger, report): (&String, &SlipReport)| FingerVerdict {
+            finger: finger.clone(),
+            state: report.state,
+            margin: report.estimates.margin.map(|margin| margin.value).filter(|_| self.margin_decides).and_then(finite),
+            markers_over: report.slip.markers_over,
+            markers_needed: report.slip.markers_needed,
+        };
+        live.filter_map(|((finger, report), _)| Some(verdict((finger, (*report)?)))).collect()
     }
 }
 

@@ -11,6 +11,7 @@ use crate::config::read_most;
 use crate::line_file::LineFile;
 use slipbound::control::Cycle;
 use slipbound::image::Rgb;
+use slipbound::monitor::SlipReport;
 use slipbound::task::Ending;
 use std::fs;
 use std::io::Write;
@@ -79,7 +80,7 @@ impl RunFolder {
             info: info.clone(),
             reports: Lines::create(folder.join("reports.jsonl"))?,
             events: Lines::create(folder.join("events.jsonl"))?,
-            log: EventLog::new(info.finger_names()),
+            log: EventLog::new(info),
             page_data: PageData::new(),
             stems: Vec::new(),
         })
@@ -87,15 +88,18 @@ impl RunFolder {
 
     /// Appends a cycle and its events.
     pub fn cycle(&mut self, cycle: &Cycle) -> Result<(), Error> {
-        self.cycle_with_slip(cycle, None)
+        self.cycle_with_reports(cycle, &[])
     }
 
-    /// The same with the largest slip of a marker since the reference, in marker pitches, for the page.
-    pub fn cycle_with_slip(&mut self, cycle: &Cycle, slip_pitch: Option<f64>) -> Result<(), Error> {
+    /// The same with the report of each finger in this cycle: the page shows their slip in marker pitches, and the event
+    /// of a slip names the fingers that show it.
+    pub fn cycle_with_reports(&mut self, cycle: &Cycle, reports: &[Option<&SlipReport>]) -> Result<(), Error> {
+        let moved = reports.iter().flatten().filter(|report| report.motion.is_some());
+        let slip_pitch = moved.map(|report| report.slip.max_pitch).reduce(f64::max);
         let line = line::write(cycle).map_err(|why| Error::Encode { path: self.reports.path.clone(), why })?;
         self.reports.push(&line)?;
         self.page_data.cycle(cycle, slip_pitch);
-        for event in self.log.see(cycle) {
+        for event in self.log.see(cycle, reports) {
             self.event(cycle.time_ns, event)?;
         }
         Ok(())

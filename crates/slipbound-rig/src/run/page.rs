@@ -26,7 +26,7 @@ use crate::html_page::markup::{Escaped, base64};
 use slipbound::control::Cycle;
 use slipbound::task::Ending;
 use std::fmt;
-use text::{in_words, seconds};
+use text::{evidence, in_words, seconds};
 
 /// Images put into the page; later ones of a run are only in the folder. 60 of them are some 6 MB.
 pub(super) const PICTURES_MOST: usize = 60;
@@ -195,6 +195,9 @@ impl Page<'_> {
                 "<article id=\"slip-{slip}\">\n<h3><span class=\"badge\">{slip}</span> {}</h3>",
                 Escaped(&in_words(event))
             )?;
+            if let Some(evidence) = evidence(&event.event) {
+                writeln!(f, "<p>{}</p>", Escaped(&evidence))?;
+            }
             self.figures(f, slip)?;
             writeln!(f, "</article>")?;
         }
@@ -229,7 +232,8 @@ impl Page<'_> {
                 writeln!(f, "<tr><td></td><td>{left_out_count} more: in <code>events.jsonl</code></td></tr>")?;
             }
             let time = seconds(event.time_ns);
-            writeln!(f, "<tr><td class=\"value\">{time}</td><td>{}</td></tr>", Escaped(&in_words(event)))?;
+            let words = in_words(event) + &evidence(&event.event).map_or_else(String::new, |why| format!("; {why}"));
+            writeln!(f, "<tr><td class=\"value\">{time}</td><td>{}</td></tr>", Escaped(&words))?;
         }
         writeln!(f, "</table>\n</details>")
     }

@@ -83,9 +83,8 @@ impl RunRecorder {
 
     fn write(&mut self, view: &CycleView<'_>, cycle: &Cycle) -> Result<(), Error> {
         let slips_count = self.folder.slips_count();
-        let moved = view.fingers.iter().filter_map(|finger| finger.report).filter(|report| report.motion.is_some());
-        let slip_pitch = moved.map(|report| report.slip.max_pitch).reduce(f64::max);
-        self.folder.cycle_with_slip(cycle, slip_pitch)?;
+        let reports: Vec<_> = view.fingers.iter().map(|finger| finger.report).collect();
+        self.folder.cycle_with_reports(cycle, &reports)?;
         if self.folder.slips_count() == slips_count {
             return Ok(());
         }

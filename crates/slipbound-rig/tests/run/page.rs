@@ -4,11 +4,15 @@ use crate::{any_number, events, screw, written};
 use proptest::prelude::*;
 use roxmltree::{Document, ParsingOptions};
 use slipbound::control::Cycle;
+use slipbound::hand::Health;
 use slipbound::image::{Rgb, SizePx};
-use slipbound::monitor::SlipState;
+use slipbound::monitor::{
+    ContactReport, Estimate, Estimates, MarkerCounts, MotionReport, SlipReport, SlipRule, SlipState, SlipSummary,
+};
+use slipbound::plane::Vec2;
 use slipbound::port::GripCommand;
 use slipbound::task::Ending;
-use slipbound_rig::run::{Event, Row, RunFolder, RunInfo};
+use slipbound_rig::run::{Event, Row, RunFolder, RunInfo, TimedEvent};
 use std::fs;
 
 /// The page of a run; with an image of every finger at each slip.
@@ -265,10 +269,101 @@ fn the_slip_of_a_finger_whose_pitch_is_unknown_is_shown_in_pitches() {
     let mut run = RunFolder::create(folder.path(), &info).expect("creates");
     for (i, mut cycle) in screw::cycles().into_iter().enumerate() {
         cycle.hand.slip_max_mm = None;
-        run.cycle_with_slip(&cycle, Some(0.01 * i as f64)).expect("writes");
+        let mut report = report(SlipState::Stick, None, 0);
+        report.slip.max_pitch = 0.01 * i as f64;
+        run.cycle_with_reports(&cycle, &[Some(&report), None]).expect("writes");
     }
     let html = fs::read_to_string(run.finish(&[], None).expect("finishes")).expect("reads");
     let plot = html.split("<b>Slip</b>").nth(1).expect("a plot of the slip");
     assert!(plot.starts_with(", marker pitches") && !html.contains("<b>Slip</b>, mm"), "{}", &plot[..80]);
     assert!(plot.contains("largest deviation of a marker from rigid motion"), "{}", &plot[..400]);
+}
+
+/// The report of a finger in contact, with a margin and some of the 8 markers needed.
+fn report(state: SlipState, margin: Option<f64>, markers_over: u32) -> SlipReport {
+    SlipReport {
+        seq: 0,
+        time_ns: None,
+        state,
+        reason: None,
+        contact: ContactReport::default(),
+        markers: MarkerCounts::default(),
+        reference_seq: 0,
+        grip_n: None,
+        motion: Some(MotionReport {
+            reference_px: Vec2::ZERO,
+            translation_px: Vec2::ZERO,
+            translation_mm: None,
+            rotation_rad: 0.0,
+            icr_px: None,
+        }),
+        shear: None,
+        slip: SlipSummary { markers_over, markers_needed: 8, ..SlipSummary::default() },
+        estimates: Estimates {
+            margin: margin.map(|value| Estimate { value, sd: 0.05, age_frames: 0 }),
+            ..Estimates::default()
+        },
+        evidence: None,
+    }
+}
+
+/// Also where every finger sticks for itself.
+#[test]
+fn a_card_says_which_finger_shows_the_slip_and_what_decided_it() {
+    use SlipState::{Gross, Incipient, Stick};
+    for (rule, left, right, expected) in [
+        (
+            SlipRule::Margin,
+            report(Incipient, Some(0.412), 9),
+            report(Stick, Some(0.62), 0),
+            "left: incipient slip, margin 0.41; right: stick, margin 0.62",
+        ),
+        (
+            SlipRule::Margin,
+            report(Stick, None, 5),
+            report(Gross, None, 3),
+            "left: stick, 5 markers over the threshold, 8 needed; right: gross slip",
+        ),
+        (
+            SlipRule::Markers,
+            report(Stick, Some(0.412), 5),
+            report(Stick, None, 4),
+            "left: stick, 5 markers over the threshold, 8 needed; right: stick, 4 markers over the threshold, 8 needed; \
+             half of those needed on each of two fingers mean slip",
+        ),
+    ] {
+        let mut info = screw::info();
+        info.monitor_settings.slip.rule = rule;
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut run = RunFolder::create(folder.path(), &info).expect("creates");
+        for cycle in screw::cycles() {
+            run.cycle_with_reports(&cycle, &[Some(&left), Some(&right)]).expect("writes");
+        }
+        let html = fs::read_to_string(run.finish(&[], None).expect("finishes")).expect("reads");
+        let card = html.split("<article id=\"slip-2\">").nth(1).expect("a card");
+        let said = card.split("<p>").nth(1).and_then(|text| text.split("</p>").next());
+        assert_eq!(said, Some(expected), "{rule:?}");
+        assert!(!card.contains("seen by"), "the fingers are named instead");
+    }
+}
+
+/// A blind finger has no part in it, and the events of older runs have no fingers.
+#[test]
+fn only_live_fingers_are_evidence_and_older_events_are_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut run = RunFolder::create(folder.path(), &screw::info()).expect("creates");
+    let report = report(SlipState::Incipient, Some(0.4), 0);
+    for mut cycle in screw::cycles() {
+        cycle.hand.health[0] = Health::Blind;
+        run.cycle_with_reports(&cycle, &[Some(&report), Some(&report)]).expect("writes");
+    }
+    run.finish(&[], None).expect("finishes");
+    let slip = events(folder.path()).into_iter().find(|e| matches!(e.event, Event::SlipBegins { .. }));
+    let slip = slip.expect("a slip");
+    let Event::SlipBegins { fingers, .. } = &slip.event else { unreachable!() };
+    assert_eq!(fingers.iter().map(|verdict| verdict.finger.as_str()).collect::<Vec<_>>(), ["right"]);
+    let mut older = serde_json::to_value(&slip).expect("JSON");
+    older.as_object_mut().expect("an object").remove("fingers");
+    let older: TimedEvent = serde_json::from_value(older).expect("an event");
+    assert!(matches!(older.event, Event::SlipBegins { ref fingers, .. } if fingers.is_empty()));
 }

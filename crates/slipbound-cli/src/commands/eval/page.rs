@@ -2,13 +2,16 @@
 
 use super::pictures::{self, Failed};
 use slipbound_lab::eval::coverage;
-use slipbound_lab::eval::outcome::{Outcome, SCORE_BELOW, never_slides};
+use slipbound_lab::eval::outcome::{FALSE_BELOW_FRACTION, Outcome, SCORE_BELOW, never_slides};
 use slipbound_lab::eval::{Sweep, Table, TrialRecord, auc, roc};
 use slipbound_lab::rivals::DETECTORS;
-use slipbound_rig::html_page::{Chart, Draw, Figure, HtmlPage, Part, Series};
+use slipbound_rig::html_page::{Chart, Draw, Figure, HtmlPage, Part, Range, Series};
 
 /// Places along the axis at which a cumulative share may rise.
 const PLACES_COUNT: usize = 200;
+
+/// Load fractions near that at which ours is to raise the alarm: half of the load that makes the object slide.
+const SET_POINT: (f64, f64) = (0.45, 0.55);
 
 /// The detector in front of the others, with a thicker line.
 const SHOWN: &str = "ours";
@@ -24,15 +27,10 @@ pub fn of(
     let settings: String = sweep.settings.iter().map(|(key, value)| format!(", {key} {value}")).collect();
     let mut parts = Vec::new();
     let detectors_count = detectors(records).count().max(1);
-    let charts: Vec<Chart> = [
-        roc_chart(records),
-        cumulative(records, "f_at_alarm", "Load fraction at the alarm", "f at the first alarm, or less", Some(1.0)),
-        lead_chart(records),
-        coverage_chart(records),
-    ]
-    .into_iter()
-    .flatten()
-    .collect();
+    let charts: Vec<Chart> = [roc_chart(records), load_chart(records), lead_chart(records), coverage_chart(records)]
+        .into_iter()
+        .flatten()
+        .collect();
     if !charts.is_empty() {
         parts.push(Part::Heading("Curves".into()));
     }
@@ -119,6 +117,7 @@ fn roc_chart(records: &[TrialRecord]) -> Option<Chart> {
         y: (0.0, 1.03),
         series,
         lines_at: Vec::new(),
+        ranges: Vec::new(),
     })
 }
 
@@ -144,6 +143,7 @@ fn coverage_chart(records: &[TrialRecord]) -> Option<Chart> {
         y: ((10.0 * least).floor() / 10.0 - 0.1, 1.0),
         series,
         lines_at: Vec::new(),
+        ranges: Vec::new(),
     })
 }
 
@@ -154,24 +154,42 @@ fn with_ours_last(named: Vec<(&str, Series)>) -> Vec<Series> {
     others.into_iter().chain(ours).map(|(_, series)| series).collect()
 }
 
-/// The lead of the alarms on ramps of 1 s, as in the table; where no record tells how long its ramp took, of all.
+/// The load at the alarm.
+fn load_chart(records: &[TrialRecord]) -> Option<Chart> {
+    let texts =
+        ["Load fraction at the alarm", "f at the first alarm, or less", "share of the alarms before gross slip"];
+    let chart = cumulative(records, "f_at_alarm", texts, Some(1.0), Outcome::is_before_gross)?;
+    let range = |name: &str, x, is_good| Range { name: name.into(), x, is_good };
+    let ranges = vec![
+        range("false: below 0.2", (0.0, FALSE_BELOW_FRACTION), false),
+        range("set point of ours: 0.45 to 0.55", SET_POINT, true),
+    ];
+    Some(Chart { ranges, ..chart })
+}
+
+/// The lead of the alarms in time on ramps of 1 s, as in the table; where no record tells how long its ramp took, of
+/// all. An alarm is no better for being false.
 fn lead_chart(records: &[TrialRecord]) -> Option<Chart> {
     let tells = records.iter().any(|r| r.number_of("ramp_s").is_some());
     let is_shown = |r: &&TrialRecord| !tells || r.number_of("ramp_s") == Some(1.0);
     let shown: Vec<TrialRecord> = records.iter().filter(is_shown).cloned().collect();
-    let title = if tells { "Lead on ramps of 1 s" } else { "Lead" };
-    cumulative(&shown, "lead_ms", title, "from the alarm to gross slip, ms, or less", None)
+    let title = if tells { "Lead on ramps of 1 s, without false alarms" } else { "Lead, without false alarms" };
+    let texts = [title, "from the alarm to gross slip, ms, or less", "share of the alarms in time"];
+    cumulative(&shown, "lead_ms", texts, None, |outcome| outcome == Outcome::InTime)
 }
 
-/// Share of the alarms before gross slip at which a number is at most that of the axis, which goes from 0 to `most`, or
-/// to the largest number.
-fn cumulative(records: &[TrialRecord], key: &str, title: &str, x_label: &str, most: Option<f64>) -> Option<Chart> {
+/// Share of the ramps with a certain outcome at which a number is at most that of the axis, which goes from 0 to `most`,
+/// or to the largest number.
+fn cumulative(
+    records: &[TrialRecord],
+    key: &str,
+    [title, x_label, y_label]: [&str; 3],
+    most: Option<f64>,
+    counts: fn(Outcome) -> bool,
+) -> Option<Chart> {
     let values = |name: &str| -> Vec<f64> {
         let alarmed = |r: &&TrialRecord| {
-            r.detector == name
-                && r.truth == Some(true)
-                && !never_slides(r)
-                && Outcome::of(r).is_some_and(Outcome::is_before_gross)
+            r.detector == name && r.truth == Some(true) && !never_slides(r) && Outcome::of(r).is_some_and(counts)
         };
         records.iter().filter(alarmed).filter_map(|r| r.number_of(key)).collect()
     };
@@ -197,11 +215,12 @@ fn cumulative(records: &[TrialRecord], key: &str, title: &str, x_label: &str, mo
     (!of.is_empty()).then(|| Chart {
         title: title.into(),
         x_label: x_label.into(),
-        y_label: "share of the alarms before gross slip".into(),
+        y_label: y_label.into(),
         x: (0.0, most),
         y: (0.0, 1.03),
         series: with_ours_last(series.collect()),
         lines_at: Vec::new(),
+        ranges: Vec::new(),
     })
 }
 
@@ -279,7 +298,7 @@ mod tests {
         let records = [record(0, true, 2.0).with("outcome", "in_time").with("f_at_alarm", 0.5), record(1, false, 1.0)];
         let chart = roc_chart(&records).expect("both kinds");
         assert_eq!(chart.series.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["paper, AUC 1.000"]);
-        let share = cumulative(&records, "f_at_alarm", "", "", Some(1.0)).expect("an alarm in time");
+        let share = load_chart(&records).expect("an alarm in time");
         assert_eq!(share.series[0].points, [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0), (1.0, 1.0)]);
         assert!(lead_chart(&records).is_none());
     }
@@ -305,8 +324,7 @@ mod tests {
         };
         let slides = record(0, true);
         let now = TrialRecord { truth: None, ..record(1, false) }.with("outcome", None::<&str>);
-        let steps =
-            |records: &[TrialRecord]| cumulative(records, "f_at_alarm", "", "", Some(1.0)).expect("an alarm").series;
+        let steps = |records: &[TrialRecord]| load_chart(records).expect("an alarm").series;
         let curve = |records: &[TrialRecord]| roc_chart(records).expect("a curve").series;
         let alone = [slides.clone()];
         // In the present format, and in the older one.
@@ -316,7 +334,7 @@ mod tests {
             assert_eq!(curve(&both)[0].name, curve(&alone)[0].name);
         }
     }
-    /// Leads of the ramps that the table takes, none beyond the axis, and ours in front of the others.
+    /// Leads of the ramps that the table takes, of no false alarm, none beyond the axis, and ours in front of the others.
     #[test]
     fn the_lead_is_that_of_ramps_of_one_second() {
         let record = |detector: &str, ramp_s: f64, lead_ms: f64| {
@@ -335,9 +353,15 @@ mod tests {
             .with("ramp_s", ramp_s)
             .with("lead_ms", lead_ms)
         };
-        let records = [record("ours", 1.0, 400.0), record("ours", 2.0, 1900.0), record("paper", 1.0, 300.0)];
+        let early = record("paper", 1.0, 900.0).with("outcome", "false").with("f_at_alarm", 0.1);
+        let records = [record("ours", 1.0, 400.0), record("ours", 2.0, 1900.0), record("paper", 1.0, 300.0), early];
         let chart = lead_chart(&records).expect("leads");
-        assert_eq!(chart.x, (0.0, 400.0));
+        assert_eq!(chart.x, (0.0, 400.0), "a false alarm has no lead");
+        let at_load = load_chart(&records).expect("a load").ranges;
+        assert_eq!(
+            at_load.iter().map(|range| (range.x, range.is_good)).collect::<Vec<_>>(),
+            [((0.0, 0.2), false), (SET_POINT, true)]
+        );
         let drawn: Vec<(&str, Draw)> = chart.series.iter().map(|s| (s.name.as_str(), s.draw)).collect();
         assert_eq!(drawn, [("paper", Draw::Line), ("ours", Draw::Thick)]);
         assert_eq!(chart.series[1].points, [(0.0, 0.0), (400.0, 0.0), (400.0, 1.0), (400.0, 1.0)]);

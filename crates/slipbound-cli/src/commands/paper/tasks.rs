@@ -83,6 +83,7 @@ fn chart(
         y: (low, 1.05 * high),
         series: vec![Series { name: y_label.into(), points: points.to_vec(), draw: Draw::Line, colour }],
         lines_at: curves.slips_s.clone(),
+        ranges: Vec::new(),
     }
 }
 

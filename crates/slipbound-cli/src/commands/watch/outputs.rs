@@ -151,8 +151,8 @@ impl Outputs {
             written.map_err(|e| cannot_write(timings.path(), e))?;
         }
         if let Some(json) = &mut self.json {
-            let markers = json.markers.then(|| monitor.markers());
-            json.lines.frame(report, markers).map_err(|e| cannot_write(&json.path, e))?;
+            let field = json.markers.then(|| monitor.into());
+            json.lines.frame(report, field).map_err(|e| cannot_write(&json.path, e))?;
         }
         if let Some((path, table)) = &mut self.csv {
             table.frame(report).map_err(|e| cannot_write(path, e))?;

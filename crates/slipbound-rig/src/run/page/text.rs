@@ -1,8 +1,10 @@
 //! Text for the page: events in words.
 
-use crate::run::event::{Event, TimedEvent};
+use crate::report_summary::state_name;
+use crate::run::event::{Event, FingerVerdict, TimedEvent};
 use crate::run::words::phase_name;
 use slipbound::hand::Health;
+use slipbound::monitor::SlipState;
 
 /// `4.20 s`
 pub(super) fn seconds(time_ns: u64) -> String {
@@ -24,10 +26,11 @@ pub(super) fn in_words(event: &TimedEvent) -> String {
     let newtons = |force_n: &Option<f64>| force_n.map_or_else(|| "an unknown force".into(), |n| format!("{n:.1} N"));
     match &event.event {
         Event::Phase { now } => format!("Phase: {}", phase_name(*now)),
-        Event::SlipBegins { slip, direction, fingers_count, gross, force_n } => {
+        Event::SlipBegins { slip, direction, fingers_count, fingers, gross, force_n } => {
             let what = if *gross { "whole contact slides" } else { "incipient slip" };
             let way = ways(direction);
             let fingers = match fingers_count {
+                _ if !fingers.is_empty() => String::new(), // see `evidence`
                 0 => String::new(),
                 1 => ", seen by one finger".to_owned(),
                 count => format!(", seen by {count} fingers"),
@@ -43,6 +46,26 @@ pub(super) fn in_words(event: &TimedEvent) -> String {
         Event::Ended { evidence, .. } => format!("Ended: {evidence}"),
         Event::Result(row) => format!("{}: {}", row.name, row.value),
     }
+}
+
+/// `left: incipient slip, margin 0.41; right: stick, margin 0.62`: why a slip is reported; None where it is not known.
+pub(super) fn evidence(event: &Event) -> Option<String> {
+    let fingers = match event {
+        Event::SlipBegins { fingers, .. } if !fingers.is_empty() => fingers,
+        _ => return None,
+    };
+    let of_finger = |verdict: &FingerVerdict| {
+        let FingerVerdict { finger, state, margin, markers_over, markers_needed } = verdict;
+        let value = match margin {
+            Some(margin) => format!(", margin {margin:.2}"),
+            None if *markers_needed == 0 || *state == SlipState::Gross => String::new(),
+            None => format!(", {markers_over} markers over the threshold, {markers_needed} needed"),
+        };
+        format!("{finger}: {}{value}", state_name(*state))
+    };
+    let each = fingers.iter().map(of_finger).collect::<Vec<_>>().join("; ");
+    let slips = fingers.iter().any(|verdict| verdict.state.is_slip());
+    Some(if slips { each } else { each + "; half of those needed on each of two fingers mean slip" })
 }
 
 /// `around and pivot` as full phrases for the reader, with a comma and a space behind.
