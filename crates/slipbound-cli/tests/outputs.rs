@@ -309,6 +309,14 @@ fn a_recording_is_judged_with_the_sensor_file_that_goes_with_it() {
     let done = slipbound_in(folder.path(), &["watch", "AGAIN.MCAP", "--json", "again.jsonl"]);
     assert!(printed(&done).contains("took index.sensor.toml of AGAIN.MCAP"), "{}", printed(&done));
     assert_eq!(lines("again.jsonl"), lines("own.jsonl"));
+    // One that cannot be read costs no recording.
+    fs::write(folder.path().join("clip/sensor.toml"), "pitch_px = [").expect("written");
+    let torn = slipbound_in(folder.path(), &["record", "clip", "-o", "torn.mcap"]);
+    assert!(
+        torn.status.success() && printed(&torn).contains("recorded without the sensor file of clip"),
+        "{}",
+        printed(&torn)
+    );
 }
 
 #[test]

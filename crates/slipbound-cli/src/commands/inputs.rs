@@ -3,7 +3,7 @@
 use crate::outcome::Failure;
 use anyhow::anyhow;
 use slipbound_rig::file_origin;
-use slipbound_rig::source::{self, image_files, mcap_file};
+use slipbound_rig::source::{image_files, mcap_file};
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
@@ -103,7 +103,7 @@ fn start(path: &Path) -> Option<Vec<u8>> {
 /// have none.
 pub fn refuse_ending(option: &str, path: &Path) -> Result<(), Failure> {
     let is_special = fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir());
-    if is_special || source::has_ending(path, "mcap") {
+    if is_special || path.extension().is_some_and(|ending| ending == "mcap") {
         return Ok(());
     }
     let got = match path.extension() {

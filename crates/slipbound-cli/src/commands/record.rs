@@ -1,13 +1,14 @@
 //! `slipbound record`: writes frames of cameras into an MCAP file, as they come.
 
 use super::inputs;
-use super::recording::{enclosed_sensor, refuse_images_of_one_folder, refused};
+use super::recording::{refuse_images_of_one_folder, refused};
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
 use slipbound::hand::Side;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
+use slipbound::sensor::Sensor;
 use slipbound_rig::config::hand::finger_name;
 use slipbound_rig::container::{Recorder, TappedSource};
 use slipbound_rig::link::now_ns;
@@ -63,20 +64,14 @@ impl Record {
             )));
         }
         let given = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
-        let of = |uri: &String| match &given {
-            Some(sensor) => Ok(Some(sensor.clone())),
-            None if source::is_live(uri) => Ok(None),
-            None => Ok(enclosed_sensor(uri)?.map(|(sensor, _)| sensor)),
-        };
-        let fingers = self.sources.iter().map(of).collect::<Result<Vec<_>, Failure>>()?;
         inputs::refuse_recording("--output", &self.output, &self.sources, &[self.sensor.as_deref().map(Path::new)])?;
         let recorder = Recorder::create(&self.output, &names, false)?;
-        for (name, sensor) in names.iter().zip(&fingers) {
-            let Some(sensor) = sensor else { continue };
-            let text = toml::to_string(sensor).map_err(|e| Failure::work("sensor", e))?;
+        let mut terminal = Terminal::with_status();
+        for (name, uri) in names.iter().zip(&self.sources) {
+            let Some(sensor) = given.clone().or_else(|| brought_along(uri, &terminal)) else { continue };
+            let text = toml::to_string(&sensor).map_err(|e| Failure::work("sensor", e))?;
             recorder.attach(&format!("{name}.sensor.toml"), "text/toml", text.into_bytes());
         }
-        let mut terminal = Terminal::with_status();
         self.sources.iter().filter_map(|uri| source::doubtful_rate(uri)).for_each(|doubt| terminal.note(&doubt));
         let stop = interruption::listen()?;
         let mut opened = Vec::new();
@@ -206,6 +201,17 @@ fn open(
     terminal.note(&format!("{name}: {}", words.join(", ")));
     recorder.metadata(&format!("slipbound.camera.{name}"), facts);
     Ok(Opened::Camera((spawn(TappedSource::new(source, number, recorder.inlet(), false), stop, None), Some(tally))))
+}
+
+/// The finger that a recording brings along. One that cannot be read costs no recording.
+fn brought_along(uri: &str, terminal: &Terminal) -> Option<Sensor> {
+    if source::is_live(uri) {
+        return None;
+    }
+    let found = sensors::of_recording(uri);
+    let found =
+        found.inspect_err(|error| terminal.note(&format!("recorded without the sensor file of {uri}: {error}")));
+    found.ok().flatten().map(|(sensor, _)| sensor)
 }
 
 fn spawn(

@@ -8,6 +8,7 @@
 //!
 //! The verdict uses only the frames: no name, no label, no opening of the gripper.
 
+mod refit;
 mod shuffles;
 
 use super::clip_record::note_of_unjudged;
@@ -17,10 +18,11 @@ use super::clips::Clips;
 use super::error::EvalError;
 use super::protocol::Protocol;
 use super::record::TrialRecord;
-use super::statistics::{auc, median, share_of};
+use super::statistics::{auc, share_of};
 use super::table::{Cell, Table};
 use crate::rivals::{DETECTORS, Entry, named};
-use slipbound::monitor::{EvidenceScale, EvidenceSettings};
+use refit::{Example, left_out_scale};
+use slipbound::monitor::EvidenceSettings;
 use slipbound::sensor::Sensor;
 use std::sync::OnceLock;
 
@@ -35,38 +37,6 @@ pub struct Lifts {
     refit: bool,
     /// The evidence of every clip, for `--refit`; None where it cannot be judged.
     evidence: OnceLock<Result<Vec<Option<Latch>>, String>>,
-}
-
-/// A clip for the fit of a scale.
-#[derive(Debug, Clone, Copy)]
-struct Example<'a> {
-    /// The held object.
-    object: &'a str,
-    /// Whether it slipped.
-    slips: bool,
-    /// Its evidence.
-    latch: Latch,
-}
-
-/// The scale on which the medians of held and of slipped clips are 0 and 1; None unless there are examples of both.
-fn fit<'a>(examples: impl Iterator<Item = Example<'a>> + Clone) -> Option<EvidenceSettings> {
-    let scale = |value: fn(&Latch) -> f64| {
-        let of = |slips: bool| {
-            let some: Vec<f64> = examples.clone().filter(|e| e.slips == slips).map(|e| value(&e.latch)).collect();
-            median(&some).value
-        };
-        Some(EvidenceScale { held: of(false)?, slid: of(true)? })
-    };
-    let mut settings = EvidenceSettings::default();
-    settings.relaxation = scale(|latch| latch.relaxation)?;
-    settings.centre_rim_ratio = scale(|latch| latch.centre_rim_ratio.unwrap_or(0.0))?;
-    settings.imprint_change = scale(|latch| latch.imprint_change.unwrap_or(0.0))?;
-    Some(settings)
-}
-
-/// The scale for clips of an object, fitted to those of all other objects.
-fn left_out_scale(examples: &[Example<'_>], object: &str) -> Option<EvidenceSettings> {
-    fit(examples.iter().filter(|other| other.object != object).copied())
 }
 
 impl Lifts {

@@ -35,9 +35,8 @@ impl Folder {
         for path in paths {
             all.push(path.map_err(|e| Error::Read { path: e.path().to_owned(), source: e.into() })?);
         }
-        let longest = all.iter().map(|path| longest_number(&path.to_string_lossy())).max().unwrap_or(0);
-        let numbered = with_numbers(pattern, longest);
-        all.retain(|path| numbered.iter().any(|pattern| pattern.matches_path(path)));
+        let numbered = numbered_components(pattern);
+        all.retain(|path| numbered.iter().all(|(from_end, name)| name.fits_component(path, *from_end)));
         Self::of_images(Path::new(pattern), all)
     }
 
@@ -66,6 +65,9 @@ pub(super) fn other_image(path: &Path) -> Option<&'static str> {
     const ENDINGS: [&str; 6] = ["bmp", "tif", "tiff", "webp", "pgm", "ppm"];
     ENDINGS.into_iter().find(|ending| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending)))
 }
+
+/// Most digits of a number in a name.
+const MOST_DIGITS: usize = 20;
 
 /// A pattern with `%d` and `%06d`, as C and ffmpeg number files, as its parts: text, and the least width of each number
 /// between them.
@@ -98,37 +100,48 @@ fn numbers_of(pattern: &str) -> (Vec<String>, Vec<usize>) {
     (texts, widths)
 }
 
-/// Most digits of a number in a name.
-const MOST_DIGITS: usize = 20;
-
 /// The same with any text in place of numbers, in the form of this crate's patterns.
 fn without_numbers(pattern: &str) -> String {
     numbers_of(pattern).0.join("*")
 }
 
-/// The patterns for numbers of every width up to the longest: the width in `%06d` is the least, and only a number as
-/// wide as that begins with zeros.
-fn with_numbers(pattern: &str, longest: usize) -> Vec<glob::Pattern> {
-    let (texts, widths) = numbers_of(pattern);
-    let mut patterns = vec![texts[0].clone()];
-    for (least, text) in widths.into_iter().zip(&texts[1..]) {
-        let number = |width: usize| match width > least && least > 1 {
-            true => format!("[1-9]{}", "[0-9]".repeat(width - 1)),
-            false => "[0-9]".repeat(width),
-        };
-        let one = |before: &String| {
-            (least..=longest.min(MOST_DIGITS))
-                .map(|width| format!("{before}{}{text}", number(width)))
-                .collect::<Vec<_>>()
-        };
-        patterns = patterns.iter().flat_map(one).collect();
-    }
-    patterns.iter().filter_map(|pattern| glob::Pattern::new(pattern).ok()).collect()
+/// A name with numbers: the patterns between them, and the least width of each.
+struct NumberedName {
+    texts: Vec<glob::Pattern>,
+    widths: Vec<usize>,
 }
 
-/// Digits of the longest number in a name.
-fn longest_number(name: &str) -> usize {
-    name.split(|c: char| !c.is_ascii_digit()).map(str::len).max().unwrap_or(0)
+/// The components of a pattern that contain numbers, each with its place from the end, which `.`, `//` and the folders
+/// before do not change. Before `**` there is no such place: numbers there are any text.
+fn numbered_components(pattern: &str) -> Vec<(usize, NumberedName)> {
+    let components = Path::new(pattern).components().rev().map(|component| component.as_os_str().to_string_lossy());
+    let numbered =
+        components.take_while(|component| component != "**").enumerate().filter_map(|(from_end, component)| {
+            let (texts, widths) = numbers_of(&component);
+            let texts = texts.iter().map(|text| glob::Pattern::new(text).ok()).collect::<Option<Vec<_>>>()?;
+            (!widths.is_empty()).then_some((from_end, NumberedName { texts, widths }))
+        });
+    numbered.collect()
+}
+
+impl NumberedName {
+    fn fits_component(&self, path: &Path, from_end: usize) -> bool {
+        let component = path.components().rev().nth(from_end);
+        component.is_some_and(|name| fits(&self.texts, &self.widths, &name.as_os_str().to_string_lossy()))
+    }
+}
+
+/// Whether a name consists of the texts and numbers between them: the width in `%06d` is the least, and only a number as
+/// wide as that begins with zeros.
+fn fits(texts: &[glob::Pattern], widths: &[usize], name: &str) -> bool {
+    let Some((&least, widths)) = widths.split_first() else { return texts[0].matches(name) };
+    let places = name.char_indices().filter(|(_, c)| c.is_ascii_digit());
+    places.filter(|(at, _)| texts[0].matches(&name[..*at])).any(|(at, first)| {
+        let rest = &name[at..];
+        let most = rest.bytes().take_while(u8::is_ascii_digit).count();
+        let is_number = |width: usize| width == least || least == 1 || first != '0';
+        (least..=most).any(|width| is_number(width) && fits(&texts[1..], widths, &rest[width..]))
+    })
 }
 
 /// The image files that a folder, a pattern or the name of an image stands for; none where it is something else.
@@ -206,6 +219,10 @@ mod tests {
         assert_eq!(names("f%02d.png"), ["f08", "f09", "f10", "f99", "f100"], "the width is the least");
         assert_eq!(names("f%d.png"), ["f8", "f08", "f09", "f10", "f99", "f100", "f0101"]);
         assert_eq!(names("f%d_cam%d.p?g"), ["f10_cam2"]);
+        assert_eq!(
+            (names(".//./f%02d.png").len(), names("f?.png"), names("f[x]*.png").len()),
+            (5, vec!["f8".into(), "fx".into()], 1)
+        );
         for plain in ["100%", "50%.png", "%s.png", "%6d.png", "%00d", "a%999999d.png"] {
             assert_eq!(without_numbers(plain), plain);
         }

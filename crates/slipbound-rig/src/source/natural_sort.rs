@@ -23,8 +23,10 @@ fn are_times(files: &[PathBuf]) -> bool {
     let Some(fractions) = fractions else { return false };
     let lengths = || fractions.iter().map(String::len);
     let (Some(least), Some(most)) = (lengths().min(), lengths().max()) else { return false };
-    let begins_with_zero = fractions.iter().any(|fraction| fraction.len() > 1 && fraction.starts_with('0'));
-    least < most && (begins_with_zero || FRACTION_DIGITS.contains(&most))
+    let any = |is: fn(&str) -> bool| fractions.iter().any(|fraction| fraction.len() > 1 && is(fraction));
+    // A counter passes ten and a hundred.
+    let leaves_zeros_out = !any(|fraction| fraction.ends_with('0'));
+    least < most && leaves_zeros_out && (any(|fraction| fraction.starts_with('0')) || FRACTION_DIGITS.contains(&most))
 }
 
 /// The whole seconds and the fraction's digits of a name like `1700000000.25.png`; None for any other.
@@ -84,6 +86,8 @@ mod tests {
         let expected = ["1700000000.6333332", "1700000000.65", "1700000000.6666669", "1700000000.7"];
         assert_eq!(sorted(&of_python), expected);
         assert_eq!(sorted(&["1.10", "1.9"]), ["1.9", "1.10"], "numbered within a take");
+        assert_eq!(sorted(&["1.100", "1.09", "1.10", "1.99"]), ["1.09", "1.10", "1.99", "1.100"], "likewise");
+        assert_eq!(sorted(&["1.1000", "1.2", "1.10", "1.1"]), ["1.1", "1.2", "1.10", "1.1000"], "likewise");
         let of_ros = ["7.999999000", "8.5", "8.33333333"];
         assert_eq!(sorted(&of_ros), ["7.999999000", "8.5", "8.33333333"], "nanoseconds without zeros before them");
         assert_eq!(sorted(&["1.05", "1.1", "a1.2"]), ["1.1", "1.05", "a1.2"], "not all are times");

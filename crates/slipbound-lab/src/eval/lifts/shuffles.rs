@@ -1,6 +1,6 @@
 //! Labels shuffled before the fits: do they use what they should not?
 
-use super::{Example, left_out_scale};
+use super::refit::{Example, left_out_scale};
 use crate::eval::statistics::{auc, mean, share_of};
 use crate::eval::table::{Cell, Table};
 use crate::random::Random;
