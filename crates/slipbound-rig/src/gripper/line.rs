@@ -108,9 +108,11 @@ impl LineGripper {
         }
     }
 
-    /// Whether the other side reports another force than it accepted, for longer than an answer takes.
+    /// Whether the other side reports another force than it accepted, for longer than an answer takes. Jaws that do not
+    /// hold may have been opened by somebody: our force sent again would close them.
     fn is_replaced(&mut self, driver: &DriverState, target_n: Option<f64>) -> bool {
-        let accepted_n = self.done.force_n().filter(|_| self.in_flight.is_none() && !self.is_on_the_way());
+        let is_settled = driver.gripper.jaws == Jaws::Holding && self.in_flight.is_none() && !self.is_on_the_way();
+        let accepted_n = self.done.force_n().filter(|_| is_settled);
         let differs = accepted_n.zip(target_n).is_some_and(|(ours_n, theirs_n)| (ours_n - theirs_n).abs() > STEP_N);
         self.differs_ns = differs.then(|| self.differs_ns.unwrap_or(driver.now_ns()));
         let most_ns = driver.config.reply_ms * 1_000_000;

@@ -96,6 +96,24 @@ fn a_force_that_the_other_side_no_longer_has_is_told_and_sent_again_when_it_is_a
     assert_eq!(driver.outgoing(), b"2 GRASP force_n 20.000000\n");
 }
 
+/// Another program opens them, and the device tells no opening.
+#[test]
+fn jaws_that_were_opened_are_not_closed_by_the_same_force_asked_for_again() {
+    let mut driver = driver("line", config("line"));
+    let hold = Request::Grip(GripCommand::Hold { force_n: 20.0 });
+    driver.linked(0);
+    driver.receive(MS, b"HELLO slipbound-line 1\nGRIPPER jaws holding target_n 5.00\n");
+    driver.request(2 * MS, hold).expect("taken over");
+    driver.receive(3 * MS, b"ACK 1 GRASP force_n 20.000000\n");
+    driver.outgoing().clear();
+    for ms in (20..2000).step_by(20) {
+        let line = if ms < 400 { "GRIPPER jaws holding target_n 20.00\n" } else { "GRIPPER jaws open target_n 0.00\n" };
+        driver.receive(ms * MS, line.as_bytes());
+        driver.request(ms * MS, hold).expect("taken over");
+        assert_eq!(driver.outgoing(), b"", "at {ms} ms");
+    }
+}
+
 /// A wrist and its emulator, stepped by 2 ms.
 struct Arm {
     wrist: LineWrist,
