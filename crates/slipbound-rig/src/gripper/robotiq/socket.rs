@@ -46,7 +46,9 @@ pub struct Socket {
     misses_count: u32,
     question: usize,
     round_ns: Option<u64>,
-    /// How often the force that it is set to has been asked for since the link was made.
+    /// Whether a round has ended since the force that it is set to was last asked for.
+    may_ask_force: bool,
+    /// How often that has been asked for since the link was made.
     force_asked_count: u32,
     /// The goal that the gripper last accepted; `Keep` where that is not known.
     done: Goal,
@@ -66,7 +68,7 @@ impl Socket {
         }
     }
 
-    /// Asks for the force that it is set to until it is known; for the rest in turn, once per period.
+    /// Asks in turn, once per period; after each round for the force that it is set to, until it is known.
     fn next_question(&mut self, driver: &mut DriverState) -> Option<&'static str> {
         if self.question == 0 {
             self.end_round(driver);
@@ -75,7 +77,9 @@ impl Socket {
                 return None;
             }
             self.round_ns = Some(now_ns);
-            if driver.gripper.target_n.is_none() && self.actuator.is_known() {
+            // Not every gripper tells it: the rest is asked for all the same.
+            let may_ask_force = std::mem::take(&mut self.may_ask_force) && self.actuator.is_known();
+            if may_ask_force && driver.gripper.target_n.is_none() {
                 self.question = QUESTIONS.len();
             } else {
                 self.is_heard = Some(Default::default());
@@ -92,6 +96,7 @@ impl Socket {
     /// the jaws had arrived and found nothing. Without a fault or a position the previous one stays.
     fn end_round(&mut self, driver: &mut DriverState) {
         let Some(is_heard) = self.is_heard.take() else { return };
+        self.may_ask_force = true;
         let is_whole =
             QUESTIONS.iter().zip(is_heard).all(|(name, is_heard)| is_heard || matches!(*name, "POS" | "FLT"));
         self.misses_count = if is_whole { 0 } else { self.misses_count + 1 };
