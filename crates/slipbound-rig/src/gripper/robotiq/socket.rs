@@ -52,12 +52,18 @@ pub struct Socket {
     force_asked_count: u32,
     /// The goal that the gripper last accepted; `Keep` where that is not known.
     done: Goal,
+    /// Whether a question is due before the next command that changes the force alone.
+    asks_first: bool,
     in_flight: Option<InFlight<Message>>,
 }
 
 impl Socket {
     fn is_on_the_way(&self) -> bool {
         self.actuator.goal != Goal::Keep && self.actuator.goal != self.done
+    }
+
+    fn changes_force_alone(&self) -> bool {
+        matches!((self.actuator.goal, self.done), (Goal::Hold { .. }, Goal::Hold { .. }))
     }
 
     fn line(goal: Goal, driver: &DriverState) -> String {
@@ -253,16 +259,23 @@ impl Protocol for Socket {
         if self.in_flight.is_some() {
             return;
         }
-        let (message, line) = if self.is_on_the_way() {
-            let goal = self.actuator.goal;
-            if !matches!((goal, self.done), (Goal::Hold { .. }, Goal::Hold { .. })) {
-                (self.question, self.round_ns, self.is_heard) = (0, None, None);
+        // A force that keeps changing must not displace the questions.
+        let is_on_the_way = self.is_on_the_way();
+        let asks = !is_on_the_way || (self.asks_first && self.changes_force_alone());
+        let question = if asks { self.next_question(driver) } else { None };
+        let (message, line) = match question {
+            Some(name) => (Message::Get(name), format!("GET {name}")),
+            // The status of the last round may have withdrawn the goal.
+            None if is_on_the_way && self.actuator.goal != Goal::Keep => {
+                let goal = self.actuator.goal;
+                if !self.changes_force_alone() {
+                    (self.question, self.round_ns, self.is_heard) = (0, None, None);
+                }
+                (Message::Set(goal), Socket::line(goal, driver))
             }
-            (Message::Set(goal), Socket::line(goal, driver))
-        } else {
-            let Some(name) = self.next_question(driver) else { return };
-            (Message::Get(name), format!("GET {name}"))
+            None => return,
         };
+        self.asks_first = matches!(message, Message::Set(_));
         self.buffer.clear();
         write_line(&mut driver.outgoing, &line);
         driver.asked();
