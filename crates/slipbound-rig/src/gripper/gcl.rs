@@ -38,6 +38,8 @@ pub struct Gcl {
     /// Which of [`QUESTIONS`] comes next, and when the first was last asked.
     question: usize,
     asked_ns: Option<u64>,
+    /// Whether a question is due before the next grip after an answered one.
+    asks_first: bool,
     /// How often in a row each of [`QUESTIONS`] was not answered.
     misses_count: [u32; QUESTIONS.len()],
     /// What the gripper does with a part, one of [`grasp`].
@@ -69,7 +71,8 @@ impl Gcl {
     fn send(&mut self, driver: &mut DriverState, message: Message, line: &str) {
         write_line(&mut driver.outgoing, line);
         driver.asked();
-        self.has_commanded |= !matches!(message, Message::Question(_));
+        self.asks_first = !matches!(message, Message::Question(_));
+        self.has_commanded |= self.asks_first;
         self.in_flight = Some(InFlight::new(driver.now_ns(), message));
     }
 
@@ -105,19 +108,20 @@ impl Gcl {
         }
     }
 
-    /// The three questions one after the other, once per period.
-    fn ask(&mut self, driver: &mut DriverState) {
+    /// The three questions one after the other, once per period. Returns whether one was due.
+    fn ask(&mut self, driver: &mut DriverState) -> bool {
         let now_ns = driver.now_ns();
         if self.question == 0 {
             let period_ns = driver.config.update_ms * 1_000_000;
             if self.asked_ns.is_some_and(|asked_ns| now_ns.saturating_sub(asked_ns) < period_ns) {
-                return;
+                return false;
             }
             self.asked_ns = Some(now_ns);
         }
         let name = QUESTIONS[self.question];
         self.question = (self.question + 1) % QUESTIONS.len();
         self.send(driver, Message::Question(name), &format!("{name}?"));
+        true
     }
 
     /// A question was not answered. One answer may be lost; after that the value is not known.
@@ -410,6 +414,8 @@ impl Protocol for Gcl {
                 self.command(driver, "HOME");
             }
             Goal::Hold { force_n } if !self.is_stopped && !self.has_gripped(force_n) => match moving {
+                // A force that keeps changing must not displace the questions.
+                _ if self.asks_first && self.gripped_n.is_some() && self.ask(driver) => {}
                 Some(_) => self.command(driver, "STOP"),
                 None => self.send_grip(driver, force_n),
             },
@@ -417,7 +423,9 @@ impl Protocol for Gcl {
                 Some("GRIP") => self.command(driver, "STOP"),
                 _ => self.open(driver),
             },
-            _ => self.ask(driver),
+            _ => {
+                self.ask(driver);
+            }
         }
     }
 

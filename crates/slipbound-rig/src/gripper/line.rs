@@ -15,6 +15,11 @@ use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
 /// Difference between an accepted force and the reported one that the steps of a gripper explain, N per finger.
 const STEP_N: f64 = 0.5;
 
+/// Whether the steps of a gripper explain the difference between these forces, N per finger.
+fn is_same(one_n: f64, other_n: f64) -> bool {
+    (one_n - other_n).abs() <= STEP_N
+}
+
 /// A command with its number.
 #[derive(Debug, Clone)]
 struct Command {
@@ -35,6 +40,8 @@ pub struct LineGripper {
     in_flight: Option<InFlight<Command>>,
     /// Since when another force than the accepted one is reported, ns.
     differs_ns: Option<u64>,
+    /// The last accepted force that was found replaced, and the force that was reported instead, N per finger.
+    replaced_n: Option<(f64, f64)>,
     is_greeted: bool,
     /// A greeting of another version: nothing is understood on this link.
     other_version: Option<u32>,
@@ -108,11 +115,30 @@ impl LineGripper {
         }
     }
 
-    /// Whether the other side reports another force than it accepted, for longer than an answer takes.
-    fn is_replaced(&mut self, driver: &DriverState, target_n: Option<f64>) -> bool {
-        let accepted_n = self.done.force_n().filter(|_| self.in_flight.is_none() && !self.is_on_the_way());
-        let differs = accepted_n.zip(target_n).is_some_and(|(ours_n, theirs_n)| (ours_n - theirs_n).abs() > STEP_N);
-        self.differs_ns = differs.then(|| self.differs_ns.unwrap_or(driver.now_ns()));
+    /// Our force counts while it is in effect; after a new link, and where it has been replaced, the other side's does.
+    /// One that comes back although ours was accepted again is what the gripper makes of ours, by its steps or limits.
+    fn take_target(&mut self, driver: &mut DriverState, target_n: Option<f64>) {
+        let pair_n = self.done.force_n().zip(target_n);
+        let is_ours = pair_n.is_some_and(|(ours_n, theirs_n)| is_same(ours_n, theirs_n));
+        if is_ours {
+            self.replaced_n = None;
+        }
+        let is_known = pair_n.zip(self.replaced_n).is_some_and(|((ours_n, theirs_n), (replaced_n, reported_n))| {
+            ours_n == replaced_n && is_same(theirs_n, reported_n)
+        });
+        if self.has_differed(driver, pair_n.is_some() && !is_ours && !is_known) {
+            (self.goal, self.done, self.replaced_n) = (Goal::Keep, Goal::Keep, pair_n);
+        }
+        if is_known || !matches!(self.done, Goal::Hold { .. }) {
+            driver.settle_target(target_n);
+        }
+    }
+
+    /// Whether the other side has reported another force than it accepted for longer than an answer takes. Jaws that do
+    /// not hold may have been opened by somebody: our force sent again would close them.
+    fn has_differed(&mut self, driver: &DriverState, differs: bool) -> bool {
+        let is_settled = driver.gripper.jaws == Jaws::Holding && self.in_flight.is_none() && !self.is_on_the_way();
+        self.differs_ns = (differs && is_settled).then(|| self.differs_ns.unwrap_or(driver.now_ns()));
         let most_ns = driver.config.reply_ms * 1_000_000;
         self.differs_ns.is_some_and(|since_ns| driver.now_ns().saturating_sub(since_ns) > most_ns)
     }
@@ -136,13 +162,7 @@ impl LineGripper {
         driver.gripper.time_ns = driver.now_ns();
         driver.gripper.jaws = jaws;
         driver.gripper.force_n = measured_n;
-        // Our force counts while it is in effect; after a new link, and where it has been replaced, the other side's does.
-        if self.is_replaced(driver, target_n) {
-            (self.goal, self.done) = (Goal::Keep, Goal::Keep);
-        }
-        if !matches!(self.done, Goal::Hold { .. }) {
-            driver.settle_target(target_n);
-        }
+        self.take_target(driver, target_n);
         driver.gripper.opening_mm = number_of(rest, "opening_mm");
         self.is_stated = true;
     }

@@ -96,6 +96,50 @@ fn a_force_that_the_other_side_no_longer_has_is_told_and_sent_again_when_it_is_a
     assert_eq!(driver.outgoing(), b"2 GRASP force_n 20.000000\n");
 }
 
+/// Another program opens them, and the device tells no opening.
+#[test]
+fn jaws_that_were_opened_are_not_closed_by_the_same_force_asked_for_again() {
+    let mut driver = driver("line", config("line"));
+    let hold = Request::Grip(GripCommand::Hold { force_n: 20.0 });
+    driver.linked(0);
+    driver.receive(MS, b"HELLO slipbound-line 1\nGRIPPER jaws holding target_n 5.00\n");
+    driver.request(2 * MS, hold).expect("taken over");
+    driver.receive(3 * MS, b"ACK 1 GRASP force_n 20.000000\n");
+    driver.outgoing().clear();
+    for ms in (20..2000).step_by(20) {
+        let line = if ms < 400 { "GRIPPER jaws holding target_n 20.00\n" } else { "GRIPPER jaws open target_n 0.00\n" };
+        driver.receive(ms * MS, line.as_bytes());
+        driver.request(ms * MS, hold).expect("taken over");
+        assert_eq!(driver.outgoing(), b"", "at {ms} ms");
+    }
+}
+
+/// It has steps of 1.6 N and confirms what it was asked for. At 3 s another program sets another force.
+#[test]
+fn a_force_that_the_gripper_rounds_is_sent_again_once_and_told_as_it_is() {
+    let mut driver = driver("line", config("line"));
+    let hold = Request::Grip(GripCommand::Hold { force_n: 20.0 });
+    driver.linked(0);
+    driver.receive(MS, b"HELLO slipbound-line 1\nGRIPPER jaws holding target_n 5.00\n");
+    let (mut target_n, mut counts) = (5.0, Vec::new());
+    for ms in (20..6000).step_by(20) {
+        if ms == 3000 {
+            assert_eq!(driver.state(ms * MS).expect("there").target_n, Some(20.8));
+            target_n = 12.8;
+        }
+        driver.receive(ms * MS, format!("GRIPPER jaws holding target_n {target_n:.2}\n").as_bytes());
+        driver.request(ms * MS, hold).expect("taken over");
+        let sent = String::from_utf8(std::mem::take(driver.outgoing())).expect("ASCII");
+        if let Some(line) = sent.lines().next() {
+            counts.push(ms / 3000);
+            target_n = 20.8;
+            driver.receive(ms * MS, format!("ACK {line}\n").as_bytes());
+        }
+    }
+    assert_eq!(counts, [0, 0, 1, 1]);
+    assert_eq!(driver.state(6000 * MS).expect("there").target_n, Some(20.8));
+}
+
 /// A wrist and its emulator, stepped by 2 ms.
 struct Arm {
     wrist: LineWrist,

@@ -327,3 +327,27 @@ fn a_restart_on_a_living_link_forgets_the_force() {
         assert_eq!(writes_count, 2, "{name}");
     }
 }
+
+/// By silence or in words. It loses what it holds at 2.5 s.
+#[test]
+fn a_gripper_that_does_not_tell_its_force_tells_its_jaws() {
+    for force in ["", "FOR ?\n"] {
+        let mut driver = driver("robotiq", allowing());
+        driver.linked(0);
+        let mut seen = Vec::new();
+        for ms in 0..5000u64 {
+            driver.tick(ms * MS);
+            let asked = std::mem::take(driver.outgoing());
+            let object = if ms < 2500 { 2 } else { 3 };
+            match &asked[..] {
+                b"GET FOR\n" => driver.receive(ms * MS, force.as_bytes()),
+                _ => driver.receive(ms * MS, &answer("robotiq", &asked, 3, object, 0)),
+            }
+            let state = driver.state(ms * MS).unwrap_or_else(|error| panic!("{force:?}, {ms} ms: {error}"));
+            assert_eq!(state.target_n, None);
+            seen.push(state.jaws);
+        }
+        seen.dedup();
+        assert_eq!(seen, [Jaws::Unknown, Jaws::Holding, Jaws::Lost], "{force:?}");
+    }
+}

@@ -32,6 +32,8 @@ pub struct Serial {
     outputs: Option<[u8; 6]>,
     in_flight: Option<InFlight<Message>>,
     read_ns: Option<u64>,
+    /// Whether a read is due before the next write that changes the force alone.
+    reads_first: bool,
 }
 
 fn outputs(goal: Goal, config: &Config) -> Option<[u8; 6]> {
@@ -50,6 +52,10 @@ impl Serial {
     /// The outputs for the goal, where the gripper does not have them yet.
     fn wanted(&self, driver: &DriverState) -> Option<[u8; 6]> {
         outputs(self.actuator.goal, &driver.config).filter(|wanted| self.outputs != Some(*wanted))
+    }
+
+    fn changes_force_alone(&self, wanted: &[u8; 6]) -> bool {
+        self.outputs.is_some_and(|outputs| outputs[..5] == wanted[..5])
     }
 
     fn send(&mut self, driver: &mut DriverState, sent: InFlight<Message>) {
@@ -127,14 +133,18 @@ impl Protocol for Serial {
             return;
         }
         let (now_ns, period_ns) = (driver.now_ns(), driver.config.update_ms * 1_000_000);
-        let message = match self.wanted(driver) {
+        let is_read_due = self.read_ns.is_none_or(|read_ns| now_ns.saturating_sub(read_ns) >= period_ns);
+        // A force that keeps changing must not displace the reads.
+        let reads_first = |wanted: &[u8; 6]| self.reads_first && is_read_due && self.changes_force_alone(wanted);
+        let message = match self.wanted(driver).filter(|wanted| !reads_first(wanted)) {
             Some(outputs) => Message::Write { goal: self.actuator.goal, outputs },
-            None if self.read_ns.is_none_or(|read_ns| now_ns.saturating_sub(read_ns) >= period_ns) => {
+            None if is_read_due => {
                 self.read_ns = Some(now_ns);
                 Message::Read
             }
             None => return,
         };
+        self.reads_first = message != Message::Read;
         let sent = InFlight::new(driver.now_ns(), message);
         self.send(driver, sent);
     }

@@ -46,16 +46,24 @@ pub struct Socket {
     misses_count: u32,
     question: usize,
     round_ns: Option<u64>,
-    /// How often the force that it is set to has been asked for since the link was made.
+    /// Whether a round has ended since the force that it is set to was last asked for.
+    may_ask_force: bool,
+    /// How often that has been asked for since the link was made.
     force_asked_count: u32,
     /// The goal that the gripper last accepted; `Keep` where that is not known.
     done: Goal,
+    /// Whether a question is due before the next command that changes the force alone.
+    asks_first: bool,
     in_flight: Option<InFlight<Message>>,
 }
 
 impl Socket {
     fn is_on_the_way(&self) -> bool {
         self.actuator.goal != Goal::Keep && self.actuator.goal != self.done
+    }
+
+    fn changes_force_alone(&self) -> bool {
+        matches!((self.actuator.goal, self.done), (Goal::Hold { .. }, Goal::Hold { .. }))
     }
 
     fn line(goal: Goal, driver: &DriverState) -> String {
@@ -66,7 +74,7 @@ impl Socket {
         }
     }
 
-    /// Asks for the force that it is set to until it is known; for the rest in turn, once per period.
+    /// Asks in turn, once per period; after each round for the force that it is set to, until it is known.
     fn next_question(&mut self, driver: &mut DriverState) -> Option<&'static str> {
         if self.question == 0 {
             self.end_round(driver);
@@ -75,7 +83,9 @@ impl Socket {
                 return None;
             }
             self.round_ns = Some(now_ns);
-            if driver.gripper.target_n.is_none() && self.actuator.is_known() {
+            // Not every gripper tells it: the rest is asked for all the same.
+            let may_ask_force = std::mem::take(&mut self.may_ask_force) && self.actuator.is_known();
+            if may_ask_force && driver.gripper.target_n.is_none() {
                 self.question = QUESTIONS.len();
             } else {
                 self.is_heard = Some(Default::default());
@@ -92,6 +102,7 @@ impl Socket {
     /// the jaws had arrived and found nothing. Without a fault or a position the previous one stays.
     fn end_round(&mut self, driver: &mut DriverState) {
         let Some(is_heard) = self.is_heard.take() else { return };
+        self.may_ask_force = true;
         let is_whole =
             QUESTIONS.iter().zip(is_heard).all(|(name, is_heard)| is_heard || matches!(*name, "POS" | "FLT"));
         self.misses_count = if is_whole { 0 } else { self.misses_count + 1 };
@@ -248,16 +259,23 @@ impl Protocol for Socket {
         if self.in_flight.is_some() {
             return;
         }
-        let (message, line) = if self.is_on_the_way() {
-            let goal = self.actuator.goal;
-            if !matches!((goal, self.done), (Goal::Hold { .. }, Goal::Hold { .. })) {
-                (self.question, self.round_ns, self.is_heard) = (0, None, None);
+        // A force that keeps changing must not displace the questions.
+        let is_on_the_way = self.is_on_the_way();
+        let asks = !is_on_the_way || (self.asks_first && self.changes_force_alone());
+        let question = if asks { self.next_question(driver) } else { None };
+        let (message, line) = match question {
+            Some(name) => (Message::Get(name), format!("GET {name}")),
+            // The status of the last round may have withdrawn the goal.
+            None if is_on_the_way && self.actuator.goal != Goal::Keep => {
+                let goal = self.actuator.goal;
+                if !self.changes_force_alone() {
+                    (self.question, self.round_ns, self.is_heard) = (0, None, None);
+                }
+                (Message::Set(goal), Socket::line(goal, driver))
             }
-            (Message::Set(goal), Socket::line(goal, driver))
-        } else {
-            let Some(name) = self.next_question(driver) else { return };
-            (Message::Get(name), format!("GET {name}"))
+            None => return,
         };
+        self.asks_first = matches!(message, Message::Set(_));
         self.buffer.clear();
         write_line(&mut driver.outgoing, &line);
         driver.asked();
