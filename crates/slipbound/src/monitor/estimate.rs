@@ -294,7 +294,7 @@ impl Estimator {
         self.load_px3 = (force_px3, measures.arm_px.recip() * moment_px4);
         self.turning_px3 = moment_px4 / measures.lever_px;
         let torque_px4 = self.torque_px4(elapsed_s, middle_px, markers, growth);
-        let lever_gain = self.load.lever_gain(markers, middle);
+        let lever_gain = if hidden_px2 > 0.0 { self.load.lever_gain(markers, middle) } else { 1.0 };
         let load_px3 = measures.load_px3;
         self.estimate(
             &measures,

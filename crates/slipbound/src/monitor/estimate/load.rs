@@ -176,7 +176,8 @@ impl Load {
         self.patches.iter().map(|patch| patch.joined_fraction * patch.hidden_px2).sum()
     }
 
-    /// Mean distance of the whole contact from `about` over that of its markers: more than 1 where the view cuts it.
+    /// Mean distance of the whole contact from `about` over that of its markers: more than 1 where some of it is out of
+    /// view.
     pub fn lever_gain(&self, markers: &[Marker], about: Vec2) -> f64 {
         let (mut whole, mut seen) = ((0.0, 0.0), (0.0, 0.0));
         for (patch, m) in self.patches.iter().zip(markers) {
