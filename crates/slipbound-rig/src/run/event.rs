@@ -12,8 +12,9 @@ use slipbound::task::{Ending, Phase};
 /// A change of the commanded force from one cycle to the next that counts as a step, N. Slower changes are visible in
 /// the plot.
 const STEP_N: f64 = 0.5;
-/// Least component of a unit direction that is named: within 60 deg of it.
-const NAMED: f64 = 0.5;
+/// Least component of a unit direction that is named. A slip that a single finger sees counts half as across, half as
+/// around: each is named where both together forbid a slip along the fingers (0.5, [`slipbound::hand::Allowed`]).
+const NAMED: f64 = 0.35;
 
 /// An event with its time: a line of `events.jsonl`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -224,4 +225,20 @@ fn direction(slip: &HandSlip) -> String {
         words.push("pivot");
     }
     words.join(" and ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_makes_a_slip_more_than_one_along_the_fingers_is_named() {
+        let of = |along: f64, across: f64, around: f64| {
+            let direction = HandVector { along, across, around };
+            super::direction(&HandSlip { direction, pivots: false, fingers_count: 1 })
+        };
+        assert_eq!(of(0.83, 0.396, 0.396), "along and across and around", "34 deg off, seen by one finger");
+        assert_eq!(of(0.94, 0.24, 0.24), "along", "20 deg off");
+        assert_eq!(of(0.3, 0.0, 0.95), "around");
+    }
 }
