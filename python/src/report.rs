@@ -166,6 +166,8 @@ part! {
         slide_rad: f64 = same,
         /// Whether the object slides as a whole now.
         slides: bool = same,
+        /// Probability that the object slides as a whole, 0 to 1; None where no slide can begin, or too little is known.
+        gross_probability: Option<f64> = same,
         /// Speed of that slide in pitches per second; None while nothing slides.
         slide_pitch_per_s: Option<f64> = same,
         /// The same in mm/s; None also where the pitch in mm is unknown.

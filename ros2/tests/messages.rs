@@ -210,6 +210,7 @@ fn full() -> CoreReport {
             slide_px: v(8.0),
             slide_rad: 0.01,
             slides: true,
+            gross_probability: Some(0.98),
             slide_pitch_per_s: Some(1.5),
             slide_mm_per_s: Some(1.75),
         }),

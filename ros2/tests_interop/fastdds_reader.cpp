@@ -73,7 +73,7 @@ static std::string report(Cdr& cdr) {
     for (const char* name : {"stick_ratio", "margin", "shear_n", "torque_nmm", "friction"}) p.estimate(name);
     p.open("evidence"); p.u64("reference_seq"); p.f64("relaxation"); p.f64("centre_rim_ratio"); p.f64("imprint_change");
     p.u32("imprint_age_frames"); p.f64("slide_score"); p.point("slide_px"); p.f64("slide_rad"); p.flag("slides");
-    p.f64("slide_pitch_per_s"); p.f64("slide_mm_per_s"); p.close();
+    p.f64("gross_probability"); p.f64("slide_pitch_per_s"); p.f64("slide_mm_per_s"); p.close();
     return p.out + "}";
 }
 

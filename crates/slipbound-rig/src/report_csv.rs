@@ -68,6 +68,7 @@ fn full_report() -> SlipReport {
             slide_px: point,
             slide_rad: 0.5,
             slides: false,
+            gross_probability: number,
             slide_pitch_per_s: number,
             slide_mm_per_s: number,
         }),

@@ -283,6 +283,7 @@ mod tests {
                 slide_px: Vec2::new(3.0, 0.5),
                 slide_rad: 0.01,
                 slides: true,
+                gross_probability: Some(0.984),
                 slide_pitch_per_s: Some(1.5),
                 slide_mm_per_s: None,
             }),
@@ -345,7 +346,7 @@ mod tests {
             + r#""shear":{"translation_px":[2,-1],"translation_mm":null,"rotation_rad":0.125},"#
             + r#""slip":{"markers_over":9,"markers_needed":8,"threshold_pitch":0.2961,"max_pitch":0.3334,"max_mm":null,"kind":"both","direction_rad":-1.5},"stick_ratio":null,"margin":{"value":0.4322,"sd":0.08,"age_frames":0},"shear_n":null,"torque_nmm":null,"friction":null,"#
             + r#""evidence":{"reference_seq":2,"relaxation":0.25,"centre_rim_ratio":null,"imprint_change":0.5,"imprint_age_frames":0,"#
-            + r#""slide_score":0.75,"slide_px":[3,0.5],"slide_rad":0.01,"slides":true,"slide_pitch_per_s":1.5,"slide_mm_per_s":null}}"#;
+            + r#""slide_score":0.75,"slide_px":[3,0.5],"slide_rad":0.01,"slides":true,"gross_probability":0.984,"slide_pitch_per_s":1.5,"slide_mm_per_s":null}}"#;
         assert_eq!(lines()[1], expected);
     }
 

@@ -439,7 +439,10 @@ impl SlipMonitor {
             shear: self.shear(),
             slip: self.slip.summary,
             estimates: self.estimator.estimates,
-            evidence: self.evidence.report,
+            evidence: self.evidence.report.map(|evidence| {
+                let gross_probability = self.verdict.gross_probability();
+                EvidenceReport { gross_probability, ..evidence }
+            }),
         }
     }
 

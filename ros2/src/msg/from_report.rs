@@ -85,6 +85,7 @@ impl From<Option<monitor::EvidenceReport>> for Evidence {
             slide_px: point(evidence.map(|e| e.slide_px)),
             slide_rad: number_of(|e| Some(e.slide_rad)),
             slides: evidence.is_some_and(|e| e.slides),
+            gross_probability: number_of(|e| e.gross_probability),
             slide_pitch_per_s: number_of(|e| e.slide_pitch_per_s),
             slide_mm_per_s: number_of(|e| e.slide_mm_per_s),
         }

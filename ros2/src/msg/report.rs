@@ -65,6 +65,7 @@ pub struct Evidence {
     pub slide_px: [f64; 2],
     pub slide_rad: f64,
     pub slides: bool,
+    pub gross_probability: f64,
     pub slide_pitch_per_s: f64,
     pub slide_mm_per_s: f64,
 }

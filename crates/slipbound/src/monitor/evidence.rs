@@ -309,6 +309,7 @@ impl Evidence {
             slide_px: self.slide.shift_px,
             slide_rad: self.slide.turn_rad,
             slides: sliding.is_some(),
+            gross_probability: None, // known after step 7
             slide_pitch_per_s,
             slide_mm_per_s: slide_pitch_per_s.zip(self.pitch_mm).map(|(pitch, mm)| pitch * mm),
         });

@@ -157,6 +157,8 @@ pub(super) struct GrossWatch {
     slides_by_score: bool,
     growth: Growth,
     pub features: Option<SlideFeatures>,
+    /// Probability by the trees in this frame; None where they were not evaluated.
+    pub probability: Option<f64>,
 }
 
 impl GrossWatch {
@@ -172,6 +174,7 @@ impl GrossWatch {
             slides_by_score: false,
             growth: Growth::new(),
             features: None,
+            probability: None,
         }
     }
 
@@ -188,6 +191,7 @@ impl GrossWatch {
     /// Adds a frame. Returns whether the object slides by its motion, with enough confidence to update the friction.
     /// Without estimates the imprint alone decides.
     pub fn see(&mut self, estimates: &Estimates, knows_grip: bool, input: &GrossInput<'_>) -> bool {
+        self.probability = None;
         let score = input.evidence.filter(|_| input.held_from_start).map(|evidence| evidence.slide_score);
         self.slides_by_score = score.is_some_and(|score| self.score.see(input.at_s, score, input.recent));
         let grown = input.loaded.map(|(_, loaded)| self.growth.see(loaded));
@@ -221,10 +225,9 @@ impl GrossWatch {
                     }
                 };
                 // Where a slide can neither begin nor continue, the trees are not evaluated.
-                let probability = match can_begin || self.moves {
-                    true => 1.0 / (1.0 + libm::exp(-trees.at(features))),
-                    false => 0.0,
-                };
+                self.probability =
+                    (can_begin || self.moves).then(|| 1.0 / (1.0 + libm::exp(-trees.at(features))));
+                let probability = self.probability.unwrap_or(0.0);
                 (
                     can_begin && probability >= least,
                     can_begin && probability >= sure,
@@ -269,6 +272,7 @@ mod tests {
             slide_px: Vec2::ZERO,
             slide_rad: 0.0,
             slides,
+            gross_probability: None,
             slide_pitch_per_s: None,
             slide_mm_per_s: None,
         }

@@ -220,6 +220,12 @@ pub struct EvidenceReport {
     /// Whether the imprint moves over a gel that is no longer dragged along: one of the inputs of [`SlipState::Gross`],
     /// which is also reported where no imprint shows it.
     pub slides: bool,
+    /// Probability that the object slides as a whole, 0 to 1, by trees fitted to the contact simulator: from the motion of
+    /// imprint and gel, used friction and load. The state is gross from 0.97 on with the grip force, from 0.98 on without,
+    /// until it falls below 0.05; it is also gross where the estimates say that the friction is spent. None where no slide
+    /// can begin in this frame (less than half of the friction used; without the grip force: a gel at standstill), and
+    /// where no imprint or no estimate is available.
+    pub gross_probability: Option<f64>,
     /// Speed of that slide in pitches per second; None while nothing slides, where frames have no time, and where the
     /// imprint jumps further than can be tracked.
     pub slide_pitch_per_s: Option<f64>,

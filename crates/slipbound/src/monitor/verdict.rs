@@ -58,6 +58,11 @@ impl Verdict {
         self.gross.features.as_ref()
     }
 
+    /// Probability of gross slip in the last frame; None where it was not computed.
+    pub fn gross_probability(&self) -> Option<f64> {
+        self.gross.probability
+    }
+
     /// A frame in contact, after the estimator has seen it. `repeats`: its image is that of the frame before, which is no
     /// second frame that agrees.
     pub fn see(&mut self, estimator: &mut Estimator, evidence: &Evidence, held_from_start: bool, repeats: bool) {

@@ -7,10 +7,10 @@ use slipbound::plane::Vec2;
 
 pub const HEAD: &str = "Lengths in px. shear: of the gel since rest, x y and turn in mrad. motion: of the inner region since the reference. slip: markers over the\n\
     threshold of those needed, longest in pitches, direction in rad. load: shear force in N and torque in N mm. @: frames since it was measured.\n\
-    evidence: slide score, change of the imprint, slide x y and turn in mrad, ! where it slides. sum: of all reports, markers, regions and features so far.\n\n";
+    evidence: slide score, change of the imprint, slide x y and turn in mrad, ! where it slides, probability of gross slip. sum: of all reports, markers, regions and features so far.\n\n";
 
 const TITLES: &str = "part     seq state    area qual  match lost inner     shear x      y    turn    motion x      y    turn \
-    | slip  longest  way   | stick          margin           mu             load            | evidence                                    sum";
+    | slip  longest  way   | stick          margin           mu             load            | evidence                                           sum";
 
 pub fn titles() -> String {
     format!("{TITLES}\n")
@@ -54,11 +54,12 @@ pub fn row(step: &ProfileStep, report: &SlipReport, sum: &Checksum) -> String {
     let way = slip.direction_rad.map_or("-".into(), |rad| format!("{rad:.3}"));
     let load = report.estimates.shear_n.zip(report.estimates.torque_nmm);
     let load = load.map_or(format!("{:<15}", "-"), |(n, nmm)| format!("{:6.4} {:8.3}", n.value, nmm.value));
-    let evidence = report.evidence.map_or(format!("{:<42}", "-"), |e| {
+    let evidence = report.evidence.map_or(format!("{:<49}", "-"), |e| {
         let change = e.imprint_change.map_or("-".into(), |change| format!("{change:.4}"));
         let slides = if e.slides { '!' } else { ' ' };
         let (p, rad) = (e.slide_px, 1e3 * e.slide_rad);
-        format!("{:.4} {change:>6} {:7.3} {:7.3} {rad:8.3} {slides}", e.slide_score, p.x, p.y)
+        let gross = e.gross_probability.map_or("-".into(), |gross| format!("{gross:.4}"));
+        format!("{:.4} {change:>6} {:7.3} {:7.3} {rad:8.3} {slides} {gross:>6}", e.slide_score, p.x, p.y)
     });
     let reason = report.reason.map_or(String::new(), |reason| format!("  {reason}"));
     let (markers, contact) = (&report.markers, &report.contact);
