@@ -42,8 +42,9 @@ torn frame.
 TAIL = """
 ## What is not detected
 
-- A JPEG damaged inside its image data can still be a valid JPEG: there is no checksum. It is judged as it decodes, and its
-  false edges can cause a false slip, also in other frames when it is averaged into the rest frame.
+- A JPEG with changed bits, or without a few dozen bytes, can still be a valid JPEG: there is no checksum. It is judged as it decodes,
+  and its false edges can cause a false slip, also in other frames when it is averaged into the rest frame. (One of which more is missing is torn, even
+  if its end marker is there; of 429 real frames each without 400 bytes all were refused, without 64 bytes 86 %.)
 - A finger of another kind whose markers happen to have the pitch of the sensor file.
 - Calibrating, a wrong `--polarity`: between dark dots there is a grid of bright gaps. Without `--polarity` the stronger grid
   is found.
@@ -191,6 +192,8 @@ def cases():
          f"notes.avi {me} # PATH="),
         ("a zero-byte JPEG in the middle", lambda c: c.put("run/07.jpg", b""), f"run {me}"),
         ("a JPEG cut at half", lambda c: c.cut("run/07.jpg", 0.5), f"run {me}"),
+        ("a JPEG without 400 of its bytes, as where a camera lost a packet",
+         lambda c: c.put("run/07.jpg", (w := c.get("run/07.jpg"))[:9000] + w[9400:]), f"run {me}"),
         ("a JPEG with 200 bytes of noise in it (see below)",
          lambda c: c.put("run/07.jpg", (w := c.get("run/07.jpg"))[:9000] + bytes(range(1, 201)) + w[9200:]),
          f"run {me}"),

@@ -1,5 +1,5 @@
-//! Images, rest files and settings files with changed bytes: a result or an error, never a panic, never an image with
-//! missing pixels. `SLIPBOUND_NOISE_CASES` sets the number of cases.
+//! Images, rest files and settings files with changed bytes: a result or an error, never a panic. `SLIPBOUND_NOISE_CASES`
+//! sets the number of cases. Images with missing bytes: `source/jpeg.rs`.
 
 use slipbound::image::SizePx;
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor};

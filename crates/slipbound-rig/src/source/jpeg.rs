@@ -3,18 +3,24 @@
 //! ```text
 //!   FFD8 | FFE0 APP0 | FFDB DQT | FFC0 SOF | FFC4 DHT | FFDA SOS | entropy coded ... | FFD9
 //!                                            ^ many UVC cameras leave it out: the standard tables are put in
+//!                                                                                    ^ one bits are put in
 //! ```
+//!
+//! A camera that loses a packet leaves out a piece of the entropy-coded data, and the end marker follows all the same.
+//! The decoder would fill up what is missing with grey. No Huffman code consists of one bits only (ITU-T T.81, C.2), so
+//! with such bits in front of the end marker a decoder that needs more data meets an invalid code. Restart markers are
+//! counted. Not noticed: a loss of a few bytes that happens to leave as many blocks, a loss between two restart markers,
+//! and one inside a progressive JPEG, which cameras do not send.
 
 use super::picture_size::checked_size;
 use slipbound::port::{FrameBuffer, PixelFormat};
-use std::borrow::Cow;
 use zune_core::bytestream::ZCursor;
 use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
-/// Width and height beyond which a header counts as damaged: the largest a sensor file may state.
-const MAX_SIDE_PX: usize = 8192;
+/// Any side a header can state: the number of pixels is limited, before anything is decoded.
+const MOST_SIDE_PX: usize = u16::MAX as usize;
 
 /// Whether the bytes begin as a JPEG does.
 pub(super) fn is_jpeg(bytes: &[u8]) -> bool {
@@ -24,14 +30,11 @@ pub(super) fn is_jpeg(bytes: &[u8]) -> bool {
 /// Decodes a complete JPEG into `into.pixels`; the error says what is wrong with it.
 pub(super) fn decode(bytes: &[u8], into: &mut FrameBuffer) -> Result<(), String> {
     let layout = layout(bytes)?;
-    if !layout.ends {
-        return Err(format!("JPEG cut off: {} bytes without an end-of-image marker", bytes.len()));
-    }
-    let bytes = if layout.has_huffman_tables { Cow::Borrowed(bytes) } else { with_standard_tables(bytes, layout.scan) };
+    let bytes = prepared(bytes, &layout);
     let text = |e: zune_jpeg::errors::DecodeErrors| format!("JPEG: {e:?}");
     let options =
-        DecoderOptions::default().set_strict_mode(true).set_max_width(MAX_SIDE_PX).set_max_height(MAX_SIDE_PX);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes.as_ref()), options);
+        DecoderOptions::default().set_strict_mode(true).set_max_width(MOST_SIDE_PX).set_max_height(MOST_SIDE_PX);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes.as_slice()), options);
     decoder.decode_headers().map_err(text)?;
     let (format, colours) = match decoder.input_colorspace() {
         Some(ColorSpace::Luma) => (PixelFormat::Gray, ColorSpace::Luma),
@@ -47,63 +50,150 @@ pub(super) fn decode(bytes: &[u8], into: &mut FrameBuffer) -> Result<(), String>
     Ok(())
 }
 
-/// What the segments of a JPEG state before anything is decoded.
+/// One bits in front of the end marker, with the zero bytes that have to follow a byte of ones: more than a decoder
+/// reads ahead.
+const ONES: [u8; 32] = {
+    let mut bytes = [0xFF; 32];
+    let mut i = 1;
+    while i < bytes.len() {
+        bytes[i] = 0;
+        i += 2;
+    }
+    bytes
+};
+
+/// What a JPEG consists of.
+#[derive(Default)]
 struct Layout {
-    /// Offset of the first start-of-scan marker.
+    /// Offset of the first start-of-scan marker; 0 before it.
     scan: usize,
-    /// Whether a Huffman table comes before it.
+    /// Offset of the end-of-image marker.
+    end: usize,
+    /// Whether a Huffman table comes before the first scan.
     has_huffman_tables: bool,
-    /// Whether an end-of-image marker follows it. The decoder alone would accept a cut in the last rows.
-    ends: bool,
+    /// MCUs between restart markers; 0: there are none.
+    restart_interval: usize,
+    /// Components in the frame header, and MCUs of a scan of all of them.
+    components_count: usize,
+    mcus_count: usize,
 }
 
-/// Walks the segments up to the first scan.
+impl Layout {
+    /// Reads a frame header: precision, height, width, then of each component its name, sampling and table.
+    fn see_frame_header(&mut self, header: &[u8]) -> Result<(), String> {
+        let Some((&[_, h0, h1, w0, w1, count], components)) = header.split_first_chunk() else {
+            return Err(format!("JPEG: expected a frame header of 6 bytes and more, got {}", header.len()));
+        };
+        let samplings = components.chunks_exact(3).map(|c| (usize::from(c[1] >> 4), usize::from(c[1] & 15)));
+        // In an image of one component an MCU is a block, whatever sampling is stated.
+        let (across, down) = match count {
+            1 => (1, 1),
+            _ => samplings.fold((1, 1), |most, s| (most.0.max(s.0), most.1.max(s.1))),
+        };
+        let [height, width] = [[h0, h1], [w0, w1]].map(|px| usize::from(u16::from_be_bytes(px)));
+        checked_size(width, height).map_err(|why| format!("JPEG: {why}"))?;
+        self.components_count = count.into();
+        self.mcus_count = width.div_ceil(8 * across) * height.div_ceil(8 * down);
+        Ok(())
+    }
+
+    /// Offset of the marker after the scan whose data begin at `from`. Its restart markers count from 0 to 7 again and
+    /// again, and none is missing.
+    fn scan_end(&mut self, bytes: &[u8], from: usize, components_count: usize) -> Result<usize, String> {
+        let mut restarts_count = 0;
+        let mut marker = None;
+        for (at, pair) in bytes.windows(2).enumerate().skip(from).filter(|(_, pair)| pair[0] == 0xFF) {
+            match pair[1] {
+                0x00 => marker = None,
+                0xFF => marker = marker.or(Some(at)), // fill byte
+                0xD0..=0xD7 => {
+                    let number = usize::from(pair[1] - 0xD0);
+                    if number != restarts_count % 8 {
+                        let expected = restarts_count % 8;
+                        return Err(format!("JPEG: expected restart marker {expected} at byte {at}, got {number}"));
+                    }
+                    (restarts_count, marker) = (restarts_count + 1, None);
+                }
+                _ => {
+                    let is_known = self.restart_interval > 0 && components_count == self.components_count;
+                    let expected = self.mcus_count.saturating_sub(1).checked_div(self.restart_interval).unwrap_or(0);
+                    if is_known && restarts_count > 0 && restarts_count != expected {
+                        return Err(format!("JPEG: expected {expected} restart markers, got {restarts_count}"));
+                    }
+                    return Ok(marker.unwrap_or(at));
+                }
+            }
+        }
+        Err(format!("JPEG cut off: {} bytes without an end-of-image marker", bytes.len()))
+    }
+}
+
+/// Walks the segments and scans up to the end of the image; the error says what is missing.
 fn layout(bytes: &[u8]) -> Result<Layout, String> {
     if !is_jpeg(bytes) {
         return Err(format!("not a JPEG: begins with {:02X?}", &bytes[..bytes.len().min(4)]));
     }
-    let cut = |at: usize| format!("JPEG cut off in its header: {at} bytes");
+    let mut layout = Layout::default();
     let mut at = 2;
-    let mut has_huffman_tables = false;
     loop {
-        let [marker, code] = *bytes.get(at..).and_then(|b| b.first_chunk()).ok_or_else(|| cut(bytes.len()))?;
+        let part = if layout.scan == 0 { "in its header" } else { "between its scans" };
+        let cut = || format!("JPEG cut off {part}: {} bytes", bytes.len());
+        let [marker, code] = *bytes.get(at..).and_then(|b| b.first_chunk()).ok_or_else(cut)?;
         if marker != 0xFF {
             return Err(format!("JPEG: expected a marker at byte {at}, got {marker:02X}"));
         }
         match code {
             0xFF => at += 1,               // fill byte
             0x01 | 0xD0..=0xD8 => at += 2, // markers without a length
-            0xD9 => return Err("JPEG ends before its image".into()),
-            0xDA => {
-                let ends = bytes[at..].windows(2).any(|pair| pair == [0xFF, 0xD9]);
-                return Ok(Layout { scan: at, has_huffman_tables, ends });
+            0xD9 if layout.scan == 0 => return Err("JPEG ends before its image".into()),
+            0xD9 => {
+                layout.end = at;
+                return Ok(layout);
             }
             _ => {
-                has_huffman_tables |= code == 0xC4;
-                let length = bytes.get(at + 2..).and_then(|b| b.first_chunk()).ok_or_else(|| cut(bytes.len()))?;
-                at += 2 + usize::from(u16::from_be_bytes(*length));
+                let length = bytes.get(at + 2..).and_then(|b| b.first_chunk()).ok_or_else(cut)?;
+                let next = at + 2 + usize::from(u16::from_be_bytes(*length));
+                let segment = bytes.get(at + 4..next).ok_or_else(cut)?;
+                match code {
+                    0xC4 => layout.has_huffman_tables |= layout.scan == 0,
+                    0xC0..=0xC2 => layout.see_frame_header(segment)?,
+                    0xDA if layout.scan == 0 => layout.scan = at,
+                    0xDD => {
+                        layout.restart_interval = segment.first_chunk().map_or(0, |n| u16::from_be_bytes(*n)).into()
+                    }
+                    _ => {}
+                }
+                at = match code {
+                    0xDA => layout.scan_end(bytes, next, segment.first().copied().unwrap_or(0).into())?,
+                    _ => next,
+                };
             }
         }
     }
 }
 
-/// The same JPEG with the standard Huffman tables (ITU-T T.81, annex K.3) in front of its scan.
-fn with_standard_tables(bytes: &[u8], scan: usize) -> Cow<'_, [u8]> {
-    let mut out = Vec::with_capacity(bytes.len() + 420);
-    out.extend_from_slice(&bytes[..scan]);
-    for (class_and_id, counts, values) in [
-        (0x00, &DC_LUMA_COUNTS, &DC_VALUES[..]),
-        (0x10, &AC_LUMA_COUNTS, &AC_LUMA_VALUES[..]),
-        (0x01, &DC_CHROMA_COUNTS, &DC_VALUES[..]),
-        (0x11, &AC_CHROMA_COUNTS, &AC_CHROMA_VALUES[..]),
-    ] {
-        let length = 2 + 1 + counts.len() + values.len();
-        out.extend_from_slice(&[0xFF, 0xC4, (length >> 8) as u8, length as u8, class_and_id]);
-        out.extend_from_slice(counts);
-        out.extend_from_slice(values);
+/// The JPEG up to its end, with the standard Huffman tables (ITU-T T.81, annex K.3) in front of its scan if it has none,
+/// and one bits in front of its end.
+fn prepared(bytes: &[u8], layout: &Layout) -> Vec<u8> {
+    let mut out = Vec::with_capacity(layout.end + 500);
+    out.extend_from_slice(&bytes[..layout.scan]);
+    if !layout.has_huffman_tables {
+        for (class_and_id, counts, values) in [
+            (0x00, &DC_LUMA_COUNTS, &DC_VALUES[..]),
+            (0x10, &AC_LUMA_COUNTS, &AC_LUMA_VALUES[..]),
+            (0x01, &DC_CHROMA_COUNTS, &DC_VALUES[..]),
+            (0x11, &AC_CHROMA_COUNTS, &AC_CHROMA_VALUES[..]),
+        ] {
+            let length = 2 + 1 + counts.len() + values.len();
+            out.extend_from_slice(&[0xFF, 0xC4, (length >> 8) as u8, length as u8, class_and_id]);
+            out.extend_from_slice(counts);
+            out.extend_from_slice(values);
+        }
     }
-    out.extend_from_slice(&bytes[scan..]);
-    Cow::Owned(out)
+    out.extend_from_slice(&bytes[layout.scan..layout.end]);
+    out.extend_from_slice(&ONES);
+    out.extend_from_slice(&[0xFF, 0xD9]);
+    out
 }
 
 // Number of codes of 1 to 16 bits (tables K.3 to K.6), then their values.
@@ -174,6 +264,50 @@ mod tests {
         }
         let reason = decoded(&whole[..whole.len() * 2 / 3]).expect_err("torn");
         assert!(reason.contains("cut off") && reason.contains("end-of-image"), "{reason}");
+    }
+
+    /// As where a server ends what arrived with an end marker, and where a camera loses a packet.
+    #[test]
+    fn with_bytes_missing_inside_its_image_it_is_torn() {
+        for (sampling, colour, channels, restart_interval) in [
+            (SamplingFactor::F_1_1, ColorType::Rgb, 3, 0),
+            (SamplingFactor::F_2_1, ColorType::Rgb, 3, 0),
+            (SamplingFactor::F_2_2, ColorType::Rgb, 3, 4),
+            (SamplingFactor::F_1_1, ColorType::Luma, 1, 0),
+            (SamplingFactor::F_1_1, ColorType::Luma, 1, 3),
+        ] {
+            let name = format!("{sampling:?} {colour:?}, restarts {restart_interval}");
+            let level = |i: usize| (128.0 + 40.0 * (i as f64 * 0.013).sin() + 30.0 * (i as f64 * 0.0007).cos()) as u8;
+            let pixels: Vec<u8> = (0..128 * 96 * channels).map(|i| level(i) ^ (i / 3 % 4) as u8).collect();
+            let mut whole = Vec::new();
+            let mut encoder = Encoder::new(&mut whole, 85);
+            encoder.set_sampling_factor(sampling);
+            if restart_interval > 0 {
+                encoder.set_restart_interval(restart_interval);
+            }
+            encoder.encode(&pixels, 128, 96, colour).expect("encodes");
+            decoded(&whole).unwrap_or_else(|why| panic!("{name}: {why}"));
+            let (first, last) = (layout(&whole).expect("whole").scan + 30, whole.len() - 2);
+            let (mut cut_count, mut lost_count, mut passed_count) = (0, 0, 0);
+            for place in (first..last).step_by(7) {
+                cut_count += 1;
+                let ended = [&whole[..place], &[0xFF, 0xD9]].concat();
+                assert!(decoded(&ended).is_err(), "{name}: cut at {place} of {last}");
+                if place + 200 < last {
+                    lost_count += 1;
+                    passed_count += u32::from(decoded(&[&whole[..place], &whole[place + 200..]].concat()).is_ok());
+                }
+            }
+            assert!(cut_count > 50 && 20 * passed_count <= lost_count, "{name}: {passed_count} of {lost_count} passed");
+        }
+    }
+
+    #[test]
+    fn a_header_that_says_too_many_pixels_is_refused() {
+        let mut huge = picture(ColorType::Rgb, 3);
+        let header = huge.windows(2).position(|pair| pair == [0xFF, 0xC0]).expect("a frame header");
+        huge[header + 5..header + 9].copy_from_slice(&[0xEA, 0x60, 0xEA, 0x60]);
+        assert_eq!(decoded(&huge).expect_err("refused"), "JPEG: expected 1 to 33554432 pixels, got 60000 x 60000");
     }
 
     #[test]

@@ -225,8 +225,7 @@ impl GrossWatch {
                     }
                 };
                 // Where a slide can neither begin nor continue, the trees are not evaluated.
-                self.probability =
-                    (can_begin || self.moves).then(|| 1.0 / (1.0 + libm::exp(-trees.at(features))));
+                self.probability = (can_begin || self.moves).then(|| 1.0 / (1.0 + libm::exp(-trees.at(features))));
                 let probability = self.probability.unwrap_or(0.0);
                 (
                     can_begin && probability >= least,
