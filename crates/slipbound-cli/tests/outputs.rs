@@ -242,6 +242,21 @@ fn a_source_that_is_refused_costs_no_recording() {
 }
 
 #[test]
+fn torn_frames_alone_replace_no_recording() {
+    let folder = clip();
+    fs::create_dir(folder.path().join("torn")).expect("writable");
+    (0..3).for_each(|i| fs::write(folder.path().join(format!("torn/{i}.jpg")), b"\xFF\xD8 cut").expect("writable"));
+    let record = |source: &str| slipbound_in(folder.path(), &["record", source, "-o", "r.mcap"]);
+    assert!(record("clip").status.success());
+    let bytes = || fs::read(folder.path().join("r.mcap")).expect("there");
+    let before = bytes();
+    let done = record("torn");
+    assert!(done.status.code() == Some(1) && bytes() == before, "{}", printed(&done));
+    let told = "no whole frame came (finger: the first torn frame: JPEG";
+    assert!(printed(&done).contains(told) && printed(&done).contains("r.mcap is as it was"), "{}", printed(&done));
+}
+
+#[test]
 fn a_hold_that_is_refused_costs_no_recording() {
     let folder = clip();
     let path = folder.path().join("r.mcap");

@@ -49,6 +49,8 @@ pub struct Record {
 struct Counted {
     frames_count: u64,
     torn_count: u64,
+    /// Why the first torn one is.
+    torn_reason: Option<String>,
     /// Whether all that was asked for is there: to the end, or so many seconds.
     is_whole: bool,
 }
@@ -86,17 +88,19 @@ impl Record {
         self.wait(&stop, &recorder, &running, &terminal);
         terminal.clear_bar();
         let interrupted = stop.swap(true, Ordering::Relaxed);
-        let (mut seen_count, mut torn_count, mut is_cut) = (0, 0, false);
-        let mut failed = None;
+        let (mut whole_count, mut torn_count, mut is_cut) = (0, 0, false);
+        let (mut failed, mut torn) = (None, None);
         for ((thread, tally), name) in running.into_iter().zip(&names) {
             match thread.join() {
-                Ok(Ok(Counted { frames_count: frames, torn_count: torn, is_whole })) => {
-                    seen_count += frames + torn;
-                    torn_count += torn;
+                Ok(Ok(counted)) => {
+                    let Counted { frames_count: frames, torn_count: torn_frames, torn_reason, is_whole } = counted;
+                    whole_count += frames;
+                    torn_count += torn_frames;
+                    torn = torn.or(torn_reason.map(|reason| format!("{name}: the first torn frame: {reason}")));
                     // A camera has no other end.
                     is_cut |= interrupted && !is_whole && tally.is_none();
                     let told =
-                        tally.map_or(format!("{frames} frames, {torn} torn"), |tally| tally.counts().to_string());
+                        tally.map_or(format!("{frames} frames, {torn_frames} torn"), |tally| tally.counts().to_string());
                     terminal.say(&format!("{name}: {told}"))?;
                 }
                 Ok(Err(error)) => drop(failed.get_or_insert(error)),
@@ -111,12 +115,15 @@ impl Record {
                 _ => error.into(),
             });
         }
-        if seen_count == 0 {
+        if whole_count == 0 {
             drop(recorder);
-            return Err(anyhow!("no frame came: {} is as it was", self.output.display()).into());
+            let came = torn.map_or("no frame came".into(), |torn| format!("no whole frame came ({torn})"));
+            return Err(anyhow!("{came}: {} is as it was", self.output.display()).into());
         }
+        torn.iter().for_each(|torn| terminal.note(torn));
         if is_cut {
             drop(recorder);
+            let seen_count = whole_count + torn_count;
             return Err(anyhow!("interrupted after {seen_count} frames; what was recorded is kept").into());
         }
         let written = recorder.finish().map_err(|e| Failure::Work(e.into()))?;
@@ -230,7 +237,10 @@ fn drain(mut source: impl FrameSource, stop: &AtomicBool, for_ns: Option<u64>) -
     while !counted.is_whole && !stop.load(Ordering::Relaxed) {
         match source.next(&mut frame)? {
             Next::Frame => counted.frames_count += 1,
-            Next::Torn { .. } => counted.torn_count += 1,
+            Next::Torn { reason } => {
+                counted.torn_count += 1;
+                counted.torn_reason.get_or_insert(reason);
+            }
             Next::Silent => {}
             Next::End => counted.is_whole = true,
         }

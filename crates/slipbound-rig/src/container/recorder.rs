@@ -160,7 +160,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Prepares a recording of these fingers. The first frame or line after [`Recorder::begin`], or
+    /// Prepares a recording of these fingers. The first whole frame or line after [`Recorder::begin`], or
     /// [`Recorder::finish`], replaces the old file. Items handed in earlier wait for that, except frames of cameras,
     /// which are dropped ([`TappedSource`](super::TappedSource)) until [`Recorder::accept_frames`]. `judges`: whether frames will be marked as judged
     /// ([`MarkedSource`](super::MarkedSource)); otherwise all are only recorded.
@@ -238,7 +238,8 @@ impl Inlet {
     }
 }
 
-/// Waits for the recording to begin and for its first item, then writes until the end; returns the number of frames.
+/// Waits for the recording to begin and for its first whole frame or line, then writes until the end; returns the number of
+/// frames.
 fn write_all(
     file: DeferredTruncation,
     fingers: Vec<String>,
@@ -253,7 +254,17 @@ fn write_all(
             Ok(Item::Begin) => has_begun = true,
             Ok(item) => {
                 has_begun |= matches!(item, Item::End);
-                is_recorded |= !matches!(item, Item::Attachment { .. } | Item::Metadata { .. });
+                is_recorded |= match &item {
+                    Item::Attachment { .. } | Item::Metadata { .. } => false,
+                    Item::Frame { torn, .. } => torn.is_none(),
+                    _ => true,
+                };
+                let is_torn = |item: &Item| matches!(item, Item::Frame { torn: Some(_), .. });
+                // A source may give nothing else for hours.
+                if is_torn(&item) && waiting.iter().filter(|item| is_torn(item)).count() >= QUEUE_COUNT {
+                    let oldest = waiting.iter().position(is_torn);
+                    oldest.map(|oldest| waiting.remove(oldest));
+                }
                 waiting.push(item);
             }
         }
