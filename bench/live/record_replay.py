@@ -136,8 +136,8 @@ class Stream(BaseHTTPRequestHandler):
         pass
 
 
-def until_still(path, least_s=3.0, most_s=60.0):
-    """Waits until a file grows no more."""
+def until_still(path, least_s=2.0, most_s=60.0):
+    """Waits until a file grows no more; not for 3 s, after which the program opens a silent stream again."""
     size, since, began = -1, time.monotonic(), time.monotonic()
     while time.monotonic() - since < least_s and time.monotonic() - began < most_s:
         time.sleep(0.05)

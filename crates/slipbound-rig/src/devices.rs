@@ -64,9 +64,17 @@ impl SerialLine {
 pub fn serial_lines() -> Vec<SerialLine> {
     let Ok(list) = fs::read_dir(LIST) else { return Vec::new() };
     let mut names: Vec<String> = list.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
-    names.retain(|name| ["ttyUSB", "ttyACM", "ttyAMA"].iter().any(|kind| name.starts_with(kind)));
+    names.retain(|name| is_line(&Path::new(LIST).join(name)));
     names.sort_by_key(|name| (name.len(), name.clone()));
     names.iter().map(|name| look(name)).collect()
+}
+
+/// Whether a listed terminal is a serial line with hardware behind it. The kernel lists ports that a PC may have; those
+/// that it has not are of type 0.
+fn is_line(listed: &Path) -> bool {
+    let is_serial = listed.file_name().is_some_and(|name| name.to_string_lossy().starts_with("tty"));
+    let is_absent = fs::read_to_string(listed.join("type")).is_ok_and(|kind| kind.trim() == "0");
+    is_serial && listed.join("device").exists() && !is_absent
 }
 
 fn look(name: &str) -> SerialLine {
@@ -107,6 +115,20 @@ mod tests {
             (line("Arduino Uno").gripper(), line("Arduino Uno").described()),
             (None, "Arduino Uno serial A1".into())
         );
+    }
+
+    #[test]
+    fn a_line_is_what_has_a_device_behind_it() {
+        let folder = tempfile::tempdir().expect("writable");
+        let listed = |name: &str, has_device: bool, kind: Option<&str>| {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.join(if has_device { "device" } else { "power" })).expect("writable");
+            kind.into_iter().for_each(|kind| fs::write(path.join("type"), kind).expect("writable"));
+            is_line(&path)
+        };
+        assert!(listed("ttyUSB0", true, None) && listed("ttyTHS1", true, Some("103\n")));
+        assert!(listed("ttyS0", true, Some("4\n")) && !listed("ttyS1", true, Some("0\n")));
+        assert!(!listed("tty7", false, None) && !listed("hvc0", true, None));
     }
 
     #[test]

@@ -33,7 +33,12 @@ impl Devices {
 fn list(cameras: &[CameraNode], lines: &[SerialLine]) -> Vec<String> {
     let mut out = vec!["cameras".to_owned()];
     for camera in cameras {
-        let name = camera.serial.as_deref().unwrap_or(&camera.name);
+        let path = camera.path.display().to_string();
+        let name = match &camera.serial {
+            Some(_) if has_twin(camera, cameras) => &path,
+            Some(serial) => serial,
+            None => &camera.name,
+        };
         out.push(format!("  'v4l2:{name}'  {}  {}", camera.described(), camera.formats.join(" ")));
     }
     if cameras.is_empty() {
@@ -55,14 +60,32 @@ fn list(cameras: &[CameraNode], lines: &[SerialLine]) -> Vec<String> {
     out
 }
 
+/// Whether another camera has the same serial number, as all of some cheap modules do.
+fn has_twin(camera: &CameraNode, cameras: &[CameraNode]) -> bool {
+    cameras.iter().any(|other| other.serial == camera.serial && other.usb_device != camera.usb_device)
+}
+
 fn rules(cameras: &[CameraNode], lines: &[SerialLine]) -> Vec<String> {
     let mut out = vec![
         "# /etc/udev/rules.d/60-slipbound.rules; then: udevadm control --reload && udevadm trigger".to_owned(),
         "# A finger keeps its name wherever it is plugged in: v4l2:/dev/finger-SERIAL".to_owned(),
     ];
     for camera in cameras {
-        if let (Some((vendor, product)), Some(serial)) = (&camera.usb_id, &camera.serial) {
-            out.push(rule("video4linux", "index}==\"0", vendor, product, serial, "finger"));
+        let (Some((vendor, product)), Some(serial)) = (&camera.usb_id, &camera.serial) else { continue };
+        let rule = rule("video4linux", "index}==\"0", vendor, product, serial, "finger");
+        let port = camera.usb_device.as_ref().and_then(|folder| folder.file_name());
+        match port.filter(|_| has_twin(camera, cameras)).map(|port| port.to_string_lossy()) {
+            None => out.push(rule),
+            Some(port) => {
+                out.push(format!(
+                    "# {}: another camera has the same serial number; a name for the USB port",
+                    camera.path.display()
+                ));
+                let symlink = format!("KERNELS==\"{port}\", SYMLINK+=\"finger-{}-", plain(serial));
+                let by_port =
+                    rule.replace(&format!("SYMLINK+=\"finger-{}", plain(serial)), &format!("{symlink}{port}"));
+                out.push(by_port);
+            }
         }
     }
     for line in lines {
@@ -77,9 +100,14 @@ fn rules(cameras: &[CameraNode], lines: &[SerialLine]) -> Vec<String> {
     out
 }
 
+/// A serial number as part of a file name.
+fn plain(serial: &str) -> String {
+    serial.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
+}
+
 fn rule(subsystem: &str, node: &str, vendor: &str, product: &str, serial: &str, name: &str) -> String {
     let node = if node.is_empty() { String::new() } else { format!("ATTR{{{node}\", ") };
-    let plain: String = serial.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    let plain = plain(serial);
     format!(
         "SUBSYSTEM==\"{subsystem}\", {node}ATTRS{{idVendor}}==\"{vendor}\", ATTRS{{idProduct}}==\"{product}\", \
          ATTRS{{serial}}==\"{serial}\", SYMLINK+=\"{name}-{plain}\", MODE=\"0666\""
@@ -97,6 +125,7 @@ mod tests {
             path: "/dev/video2".into(),
             name: "GelSight Mini".into(),
             serial: Some("28H8-X".into()),
+            usb_device: Some("/sys/devices/pci0/usb1/1-2".into()),
             usb_id: ids,
             formats: vec!["MJPG".into()],
         };
@@ -107,6 +136,15 @@ mod tests {
              ATTRS{serial}==\"28H8-X\", SYMLINK+=\"finger-28H8_X\", MODE=\"0666\""
         );
         assert!(rules(&[], &[]).iter().all(|line| line.starts_with('#')), "none there: only an example");
+        let twin = CameraNode {
+            path: "/dev/video4".into(),
+            usb_device: Some("/sys/devices/pci0/usb1/1-3".into()),
+            ..camera.clone()
+        };
+        let lines = rules(&[camera.clone(), twin.clone()], &[]);
+        assert!(lines[3].ends_with("KERNELS==\"1-2\", SYMLINK+=\"finger-28H8_X-1-2\", MODE=\"0666\""), "{lines:?}");
+        assert!(lines[5].contains("finger-28H8_X-1-3"), "{lines:?}");
+        assert!(list(&[camera.clone(), twin], &[])[2].starts_with("  'v4l2:/dev/video4'  /dev/video4 GelSight Mini"));
         assert!(list(&[camera], &[])[1].starts_with("  'v4l2:28H8-X'  /dev/video2 GelSight Mini serial 28H8-X  MJPG"));
         assert!(list(&[], &[]).iter().any(|line| line.contains("none found")));
     }

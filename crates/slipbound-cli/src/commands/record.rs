@@ -99,8 +99,8 @@ impl Record {
                     torn = torn.or(torn_reason.map(|reason| format!("{name}: the first torn frame: {reason}")));
                     // A camera has no other end.
                     is_cut |= interrupted && !is_whole && tally.is_none();
-                    let told =
-                        tally.map_or(format!("{frames} frames, {torn_frames} torn"), |tally| tally.counts().to_string());
+                    let told = tally
+                        .map_or(format!("{frames} frames, {torn_frames} torn"), |tally| tally.counts().to_string());
                     terminal.say(&format!("{name}: {told}"))?;
                 }
                 Ok(Err(error)) => drop(failed.get_or_insert(error)),

@@ -11,6 +11,8 @@ pub struct CameraNode {
     pub name: String,
     /// The serial number of its USB device; None where it has none.
     pub serial: Option<String>,
+    /// The folder of its USB device under `/sys`; it tells two cameras with the same serial number apart. None without one.
+    pub usb_device: Option<PathBuf>,
     /// Vendor and product of its USB device, four hexadecimal digits each.
     pub usb_id: Option<(String, String)>,
     /// The kinds of its images, four letters each.

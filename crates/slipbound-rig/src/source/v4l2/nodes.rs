@@ -37,20 +37,18 @@ pub(super) fn look(path: &Path, listed: &Path) -> std::io::Result<Option<CameraN
     if identity.can & STREAMS_PICTURES != STREAMS_PICTURES || formats.is_empty() {
         return Ok(None);
     }
-    let (serial, usb_id) = usb_facts(listed);
-    Ok(Some(CameraNode { path: path.to_owned(), name: identity.card, serial, usb_id, formats }))
+    let read = |path: PathBuf| fs::read_to_string(path).ok().map(|text| text.trim().to_owned());
+    let usb_device = usb_device(listed);
+    let fact = |file: &str| usb_device.as_ref().and_then(|folder| read(folder.join(file)));
+    let (serial, usb_id) = (fact("serial"), fact("idVendor").zip(fact("idProduct")));
+    Ok(Some(CameraNode { path: path.to_owned(), name: identity.card, serial, usb_device, usb_id, formats }))
 }
 
-/// Serial number, and vendor and product, of the USB device that a listed node belongs to.
-fn usb_facts(listed: &Path) -> (Option<String>, Option<(String, String)>) {
-    let read = |path: PathBuf| fs::read_to_string(path).ok().map(|text| text.trim().to_owned());
-    let Ok(start) = fs::canonicalize(listed.join("device")) else { return (None, None) };
-    for folder in start.ancestors().take(LEVELS_MOST) {
-        if let (Some(vendor), Some(product)) = (read(folder.join("idVendor")), read(folder.join("idProduct"))) {
-            return (read(folder.join("serial")), Some((vendor, product)));
-        }
-    }
-    (None, None)
+/// The folder of the USB device that a listed node belongs to.
+fn usb_device(listed: &Path) -> Option<PathBuf> {
+    let start = fs::canonicalize(listed.join("device")).ok()?;
+    let is_device = |folder: &&Path| folder.join("idVendor").exists() && folder.join("idProduct").exists();
+    start.ancestors().take(LEVELS_MOST).find(is_device).map(Path::to_owned)
 }
 
 /// As it is written: `YUYV`.
@@ -84,7 +82,9 @@ pub(super) fn choose<'a>(cameras: &'a [CameraNode], wanted: &str) -> Result<&'a 
             [] => {}
             [only] => return Ok(only),
             // Several streaming nodes of one camera: the first, as every program takes.
-            [first, others @ ..] if first.serial.is_some() && others.iter().all(|o| o.serial == first.serial) => {
+            [first, others @ ..]
+                if first.usb_device.is_some() && others.iter().all(|o| o.usb_device == first.usb_device) =>
+            {
                 return Ok(first);
             }
             several => {
@@ -105,6 +105,7 @@ mod tests {
             path: format!("/dev/video{number}").into(),
             name: name.into(),
             serial: serial.map(str::to_owned),
+            usb_device: serial.map(|serial| format!("/sys/devices/usb1/{serial}").into()),
             usb_id: None,
             formats: vec!["YUYV".into()],
         }
@@ -128,5 +129,14 @@ mod tests {
         assert!(path("").expect_err("nothing").contains("Integrated Webcam"));
         assert!(path("digit").expect_err("none such").starts_with("a camera `digit`; there are"));
         assert!(choose(&[], "x").expect_err("none").contains("there is no camera"));
+        // Cheap modules all have the same serial number.
+        let twins = [2, 4].map(|number| CameraNode {
+            usb_device: Some(format!("/sys/devices/usb1/1-{number}").into()),
+            ..camera(number, "UVC Camera", Some("0001"))
+        });
+        for wanted in ["0001", "UVC Camera"] {
+            let two = choose(&twins, wanted).expect_err("two cameras");
+            assert!(two.contains("/dev/video2") && two.contains("/dev/video4"), "{two}");
+        }
     }
 }
