@@ -44,12 +44,13 @@ def simulate(scene: str, *, seed: int | None = None, **parameters: Parameter) ->
     seed : int or None
         Seed of the camera noise; the same seed gives the same bytes.
     **parameters
-        Keys of the scene: ``object="scissors"``, ``force_n=15``.
+        Keys of the scene: ``object="scissors"``, ``force_n=15``, ``fault="drop=0.02,torn=0.01"``.
 
     Returns
     -------
     Simulation
-        An iterator of :class:`SimulatedFrame`: ``image()``, ``truth``, ``seq``, ``time_ns``.
+        An iterator of :class:`SimulatedFrame`: ``image()``, ``truth``, ``seq``, ``time_ns``. With ``fault`` frames may be missing,
+        and ``torn`` says why one did not arrive completely.
 
     Raises
     ------

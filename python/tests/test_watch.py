@@ -59,6 +59,26 @@ def test_a_recording_gives_the_lines_of_the_command(tmp_path):
     assert slipbound.watch(source, settings=str(held), **options).rest_kind == "in_contact"
 
 
+@pytest.mark.filterwarnings("ignore:.* is torn:RuntimeWarning")
+@pytest.mark.parametrize("fault", ["drop=0.5,torn=0.3", "dead=5,late=0.3"])
+def test_simulated_frames_have_the_faults_of_those_that_are_watched(frames, fault):
+    faulty = list(slipbound.lab.simulate(SCENE, fault=fault))
+    with slipbound.watch(f"sim:{SCENE}&fault={fault}") as watched:
+        seen = [(report.seq, watched.image()) for report in watched]
+    assert [frame.seq for frame in faulty] == [seq for seq, _ in seen]
+    for frame, (seq, image) in zip(faulty, seen):
+        whole = next(f for f in frames if f.seq == seq)
+        assert frame.truth.to_dict() == whole.truth.to_dict()
+        if image is None:
+            assert frame.torn.startswith("JPEG cut off") and whole.jpeg.startswith(frame.jpeg)
+            with pytest.raises(slipbound.FrameError, match=f"frame {seq} that is torn: JPEG cut off"):
+                frame.image()
+        else:
+            assert frame.torn is None and np.array_equal(frame.image(), image)
+            assert np.array_equal(image, whole.image()) != ("dead" in fault)
+    assert len(faulty) == len(frames) if "drop" not in fault else any(image is None for _, image in seen)
+
+
 def test_a_torn_frame_is_warned_of_with_its_file_and_reason(tmp_path):
     folder = tmp_path / "run"
     command = [sys.executable, "-m", "slipbound", "simulate", f"{SCENE}", "-o", str(folder)]
