@@ -57,7 +57,7 @@ def log(
     else:
         rr.set_time("time", duration=report.time_ns * 1e-9, recording=recording)
     if image is not None:
-        model = "L" if image.ndim == 2 else order
+        model = "L" if image.ndim == 2 or image.shape[2] == 1 else order
         rr.log(f"{name}/image", rr.Image(image, color_model=model), recording=recording)
     field = report.field
     if len(field) > 0:

@@ -191,6 +191,15 @@ def test_rows_are_those_of_the_command_and_a_column_has_one_type(tmp_path):
         assert len(types) <= 1, (name, types)
 
 
+def test_whole_numbers_of_a_table_are_exact_where_one_is_unknown(monitor, frames):
+    pandas = pytest.importorskip("pandas")
+    time_ns = 1_700_000_000_123_456_789
+    table = slipbound.to_pandas([monitor.step(frames[0].image(), time_ns=time_ns), monitor.step(frames[0].image())])
+    assert table.time_ns[0] == time_ns and table.time_ns[1] is pandas.NA
+    assert {str(table[name].dtype) for name in ("seq", "markers_lost", "margin_age_frames")} == {"Int64"}
+    assert list(slipbound.to_pandas([]).columns) == list(table.columns)
+
+
 def clips() -> list[tuple[str, str]]:
     """Real recordings and the finger of each."""
     all_files = list(recordings())
