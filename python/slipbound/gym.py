@@ -1,4 +1,4 @@
-"""Gymnasium environments of the simulated hand. Needs gymnasium: ``pip install slipbound[gym]``.
+"""Gymnasium environments of the simulated hand. Needs gymnasium: ``pip install './python[gym]'`` in a checkout.
 
 >>> import gymnasium, slipbound.gym
 >>> env = gymnasium.make("slipbound/HoldBottle-v0")

@@ -1,4 +1,4 @@
-"""Reports in the Rerun viewer. Needs rerun-sdk: ``pip install slipbound[rerun]``.
+"""Reports in the Rerun viewer. Needs rerun-sdk: ``pip install './python[rerun]'`` in a checkout.
 
 Under the name of a finger there are ``image`` (its camera image as given, rectified or not), ``markers`` and
 ``slip`` (arrows in px of the rectified image), the scalars ``margin``, ``stick_ratio``, ``contact_area_px2``,
