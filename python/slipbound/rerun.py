@@ -80,7 +80,18 @@ def log(
 
 
 def blueprint(finger: str = "finger") -> Any:
-    """Return a layout: the image with its arrows, the numbers below, the verdicts beside them."""
+    """Return a layout: the image with its arrows, the numbers below, the verdicts beside them.
+
+    Parameters
+    ----------
+    finger : str
+        The name of the finger in the reports.
+
+    Returns
+    -------
+    rerun.blueprint.Blueprint
+        For ``rr.send_blueprint``, or ``default_blueprint`` of a recording.
+    """
     import rerun.blueprint as rrb
 
     return rrb.Blueprint(
