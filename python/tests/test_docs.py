@@ -43,13 +43,21 @@ def test_pages_run_as_they_stand(page, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("example", sorted((ROOT / "python" / "examples").glob("*.py")), ids=lambda path: path.name)
 def test_examples_run(example, tmp_path):
+    def printed(*arguments: str) -> str:
+        done = subprocess.run([sys.executable, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
     if example.name == "rerun_log.py":
         pytest.importorskip("rerun")
     if example.name == "eval_dask.py":
         pytest.importorskip("distributed")
-    done = subprocess.run([sys.executable, str(example)], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip()
+        sweep = ("table1", "--trials", "8", "--pictures", "0")
+        one_process = printed("-m", "slipbound", "eval", *sweep, "-o", "one").partition("\nreport:")[0]
+        assert "| ours |" in one_process
+        assert printed(str(example), "table1", "8").partition("\nreport:")[0] == one_process
+        return
+    assert printed(str(example))
 
 
 @pytest.mark.parametrize("name", ["slipbound", "slipbound.control", "slipbound.lab", "slipbound.gym", "slipbound.rerun"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import os
 import socket
 import subprocess
 import sys
@@ -200,21 +201,27 @@ def test_whole_numbers_of_a_table_are_exact_where_one_is_unknown(monitor, frames
     assert list(slipbound.to_pandas([]).columns) == list(table.columns)
 
 
-def clips() -> list[tuple[str, str]]:
-    """Real recordings and the finger of each."""
+def clips() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """Real recordings and the finger of each: those that every run compares, and the others."""
     all_files = list(recordings())
     lifts = [p for p in all_files if p.is_dir() and p.parent.name == "gelsight-lift"]
     lifts = lifts or [p for p in {p.parent for p in all_files if "gelsight-lift" in str(p) and p.suffix == ".jpg"}]
     press = [p for p in all_files if p.suffix == ".avi" and "press" in p.parent.name]
+    presses = [p.parent for p in all_files if p.parent.name == "gelslim3-press" and p.name == "ref.jpg"]
     wriggle = [p for p in all_files if p.suffix == ".avi" and "wriggle" in str(p)]
-    fingers = [("gelsight", sorted(lifts)), ("gelsight_mini_wide", press), ("gelsight_mini_near", wriggle[:4])]
-    return [(str(clip), finger) for finger, some in fingers for clip in some]
+    fingers = [("gelsight", sorted(lifts)), ("gelsight_mini_wide", press), ("gelslim3", presses)]
+    near = [(str(clip), "gelsight_mini_near") for clip in wriggle]
+    return [(str(clip), finger) for finger, some in fingers for clip in some] + near[:4], near[4:]
 
 
-@pytest.mark.skipif(not clips(), reason="no recordings")
-def test_recordings_give_the_lines_of_the_command(tmp_path):
+@pytest.mark.skipif(not clips()[0], reason="no recordings")
+@pytest.mark.parametrize("which", ["in every run", "the others"])
+def test_recordings_give_the_lines_of_the_command(tmp_path, which):
+    every_run, others = clips()
+    if which == "the others" and os.environ.get("SLIPBOUND_CLIPS") != "all":
+        pytest.skip(f"{len(others)} more recordings are compared by SLIPBOUND_CLIPS=all, as in `.ci/run full`")
     compared_count = 0
-    for clip, finger in clips():
+    for clip, finger in every_run if which == "in every run" else others:
         expected = lines_of_the_command(clip, tmp_path, "--sensor", finger)
         assert lines_of_python(clip, sensor=finger) == expected, clip
         compared_count += len(expected)
