@@ -24,10 +24,10 @@ WARM_UP_ROUNDS = 5
 
 def compare(monitor: slipbound.Monitor, image: np.ndarray, rounds: int, count: int = 10) -> tuple[float, float]:
     """Return the median us of a step in Rust alone, and the median of what Python adds to it, round by round."""
-    rust, added = [], []
+    rust, added, contiguous = [], [], np.ascontiguousarray(image)
     for n in range(rounds + WARM_UP_ROUNDS):
         start_ns = time.thread_time_ns()
-        monitor._time_steps(image, count)
+        monitor._time_steps(contiguous, count)
         between_ns = time.thread_time_ns()
         for _ in range(count):
             monitor.step(image)
@@ -42,7 +42,18 @@ def layouts(image: np.ndarray) -> list[tuple[str, np.ndarray, str]]:
     """The frame as programs hand it over: name, array, order of its channels."""
     canvas = np.zeros((image.shape[0] + 4, image.shape[1] + 4, 3), np.uint8)
     canvas[2:-2, 2:-2] = image
-    return [("BGR, contiguous", image, "BGR"), ("RGB view of it", image[:, :, ::-1], "RGB"), ("crop", canvas[2:-2, 2:-2], "BGR")]
+    return [
+        ("BGR, contiguous", image, "BGR"),
+        ("RGB view of it", image[:, :, ::-1], "RGB"),
+        ("one channel, contiguous", image[:, :, 1].copy(), "BGR"),
+        ("crop", canvas[2:-2, 2:-2], "BGR"),
+        ("upside down, `[::-1]`", image[::-1].copy()[::-1], "BGR"),
+        ("mirrored, `[:, ::-1]`", image[:, ::-1].copy()[:, ::-1], "BGR"),
+        ("BGRA, `[:, :, :3]`", np.dstack([image, image[:, :, :1]])[:, :, :3], "BGR"),
+        ("one channel, `[:, :, 1]`", image[:, :, 1], "BGR"),
+        ("transposed", image.transpose(1, 0, 2).copy().transpose(1, 0, 2), "BGR"),
+        ("planes, `transpose(1, 2, 0)`", image.transpose(2, 0, 1).copy().transpose(1, 2, 0), "BGR"),
+    ]
 
 
 def main() -> None:
@@ -57,6 +68,7 @@ def main() -> None:
         name = f"{camera} {frames[-1].shape[1]}x{frames[-1].shape[0]}"
         for layout, array, order in layouts(frames[-1]):
             rest = frames[0] if order == "BGR" else frames[0][:, :, ::-1]
+            rest = rest if array.ndim == 3 else frames[0][:, :, 1]
             monitor = slipbound.Monitor(simulation.sensor, rest=rest, order=order)
             rust_us, added_us = compare(monitor, array, rounds)
             over.append(f"| {name} | {layout} | {rust_us:.0f} us | {added_us:.1f} us, {100 * added_us / rust_us:.1f} % |")

@@ -98,6 +98,11 @@ __all__ = [
 def sensors() -> list[str]:
     """Return the names of the built-in fingers.
 
+    Returns
+    -------
+    list of str
+        What ``sensor=`` accepts besides files.
+
     Examples
     --------
     >>> "gelslim" in slipbound.sensors()

@@ -65,7 +65,23 @@ def rows(reports: Iterable[Report]) -> list[dict[str, Value]]:
 
 
 def to_pandas(reports: Iterable[Report]) -> pandas.DataFrame:
-    """Put reports into a table, one row per report; see :func:`rows`. Needs pandas."""
+    """Put reports into a table, one row per report; see :func:`rows`. Needs pandas.
+
+    Parameters
+    ----------
+    reports : iterable of Report
+        Reports of one or several fingers.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Whole numbers are ``Int64``, so that a time in ns stays exact where another row has none.
+    """
     import pandas
 
-    return pandas.DataFrame(rows(reports), columns=list(flat(_template())))
+    table = rows(reports)
+    columns = {
+        name: pandas.Series([row[name] for row in table], dtype="Int64" if type(value) is int else None)
+        for name, value in flat(_template()).items()
+    }
+    return pandas.DataFrame(columns)

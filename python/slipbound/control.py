@@ -69,7 +69,13 @@ class Gripper(ABC):
 
     @abstractmethod
     def command(self, force_n: float | None) -> None:
-        """Hold with this force per finger, N; None opens the jaws. If this raises, the force is unchanged."""
+        """Hold with a force, or open the jaws. If this raises, the force is unchanged.
+
+        Parameters
+        ----------
+        force_n : float or None
+            Normal force per finger in N; None opens the jaws.
+        """
 
     @abstractmethod
     def poll(self) -> GripperState:
@@ -81,7 +87,13 @@ class Wrist(ABC):
 
     @abstractmethod
     def command(self, command: WristCommand) -> None:
-        """Accept a motion; it ends by itself after ``command.time_to_live_ns`` unless a new one has come."""
+        """Accept a motion; it ends by itself after ``command.time_to_live_ns`` unless a new one has come.
+
+        Parameters
+        ----------
+        command : WristCommand
+            The motion: to turn, to lower or to pause.
+        """
 
     @abstractmethod
     def poll(self) -> WristState:
@@ -121,7 +133,7 @@ class Controller(ABC):
 class Finger:
     """A finger of the hand.
 
-    Attributes
+    Parameters
     ----------
     source : FrameSource
         The source of its frames; without ``rest`` its first frames must show it untouched.
@@ -200,6 +212,11 @@ class ControlLoop:
         now_ns : int
             Time of the loop; must not go back.
 
+        Returns
+        -------
+        Cycle
+            What was measured and commanded.
+
         Raises
         ------
         slipbound.SettingError
@@ -213,6 +230,16 @@ class ControlLoop:
         """Run cycles as fast as the sources give frames until the task or a source has ended; return the last cycle.
 
         Whatever ends it, Ctrl-C too, the wrist stands and the gripper keeps its force.
+
+        Parameters
+        ----------
+        clock : callable
+            Returns the time of the loop in ns; must not go back.
+
+        Returns
+        -------
+        Cycle
+            The last one.
         """
         try:
             cycle = self.cycle(clock())

@@ -1,4 +1,4 @@
-"""Gymnasium environments of the simulated hand. Needs gymnasium: ``pip install slipbound[gym]``.
+"""Gymnasium environments of the simulated hand. Needs gymnasium: ``pip install './python[gym]'`` in a checkout.
 
 >>> import gymnasium, slipbound.gym
 >>> env = gymnasium.make("slipbound/HoldBottle-v0")
@@ -132,13 +132,29 @@ class _GripEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
 
 class HoldBottle(_GripEnv):
-    """Lift a bottle that is filled and pulled, and hold it."""
+    """Lift a bottle that is filled and pulled, and hold it.
+
+    Parameters
+    ----------
+    render_mode : {"rgb_array"} or None
+        With ``rgb_array``, ``render()`` returns the image of the left finger.
+    **parameters
+        Keys of the scene, as :class:`slipbound.lab.Hand` takes them.
+    """
 
     task = "lift"
 
 
 class ScrewCap(_GripEnv):
-    """Screw a cap onto a bottle."""
+    """Screw a cap onto a bottle.
+
+    Parameters
+    ----------
+    render_mode : {"rgb_array"} or None
+        With ``rgb_array``, ``render()`` returns the image of the left finger.
+    **parameters
+        Keys of the scene, as :class:`slipbound.lab.Hand` takes them.
+    """
 
     task = "screw"
 

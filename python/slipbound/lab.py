@@ -44,12 +44,13 @@ def simulate(scene: str, *, seed: int | None = None, **parameters: Parameter) ->
     seed : int or None
         Seed of the camera noise; the same seed gives the same bytes.
     **parameters
-        Keys of the scene: ``object="scissors"``, ``force_n=15``.
+        Keys of the scene: ``object="scissors"``, ``force_n=15``, ``fault="drop=0.02,torn=0.01"``.
 
     Returns
     -------
     Simulation
-        An iterator of :class:`SimulatedFrame`: ``image()``, ``truth``, ``seq``, ``time_ns``.
+        An iterator of :class:`SimulatedFrame`: ``image()``, ``truth``, ``seq``, ``time_ns``. With ``fault`` frames may be missing,
+        and ``torn`` says why one did not arrive completely.
 
     Raises
     ------
@@ -95,11 +96,35 @@ class Hand:
         self._run = _HandRun(scene, _words(parameters), controller, settings, monitor)
 
     def cycle(self, observer: Observer | None = None) -> Cycle:
-        """Run one cycle; exceptions of controller or observer are raised, with the wrist paused and the grip kept."""
+        """Run one cycle; exceptions of controller or observer are raised, with the wrist paused and the grip kept.
+
+        Parameters
+        ----------
+        observer : callable or None
+            Called with the :class:`slipbound.control.Cycle`.
+
+        Returns
+        -------
+        slipbound.control.Cycle
+            What was measured and commanded.
+        """
         return self._run.cycle(observer)
 
     def run(self, observer: Observer | None = None, *, cycles_after_end: int = 15) -> Cycle:
-        """Run cycles until the task has ended and half a second longer, or the scene has; return the last cycle."""
+        """Run cycles until the task has ended and half a second longer, or the scene has.
+
+        Parameters
+        ----------
+        observer : callable or None
+            Called with every :class:`slipbound.control.Cycle`.
+        cycles_after_end : int
+            How many cycles of 1/30 s follow the end of the task.
+
+        Returns
+        -------
+        slipbound.control.Cycle
+            The last one.
+        """
         after_count = 0
         while True:
             cycle = self.cycle(observer)
@@ -132,7 +157,18 @@ class Hand:
         return self._run.task
 
     def sensor(self, finger: int = 0) -> Sensor:
-        """Return the facts of a finger, with the stiffness of its gel."""
+        """Return the facts of a finger, with the stiffness of its gel.
+
+        Parameters
+        ----------
+        finger : int
+            Its place among the fingers, from 0.
+
+        Returns
+        -------
+        Sensor
+            What a monitor of its frames takes.
+        """
         return self._run.sensor(finger)
 
 
@@ -205,5 +241,16 @@ def judge_ramps(
 
 
 def ramps_tables(records: list[dict[str, Any]]) -> list[str]:
-    """Return the tables of ``slipbound eval ramps`` from the records of :func:`judge_ramps`, as Markdown; alarms first."""
+    """Return the tables of ``slipbound eval ramps``.
+
+    Parameters
+    ----------
+    records : list of dict
+        The records of :func:`judge_ramps`.
+
+    Returns
+    -------
+    list of str
+        Tables in Markdown; that of the alarms is the first.
+    """
     return _native.ramps_tables(records)

@@ -1,4 +1,4 @@
-"""Reports in the Rerun viewer. Needs rerun-sdk: ``pip install slipbound[rerun]``.
+"""Reports in the Rerun viewer. Needs rerun-sdk: ``pip install './python[rerun]'`` in a checkout.
 
 Under the name of a finger there are ``image`` (its camera image as given, rectified or not), ``markers`` and
 ``slip`` (arrows in px of the rectified image), the scalars ``margin``, ``stick_ratio``, ``contact_area_px2``,
@@ -57,7 +57,7 @@ def log(
     else:
         rr.set_time("time", duration=report.time_ns * 1e-9, recording=recording)
     if image is not None:
-        model = "L" if image.ndim == 2 else order
+        model = "L" if image.ndim == 2 or image.shape[2] == 1 else order
         rr.log(f"{name}/image", rr.Image(image, color_model=model), recording=recording)
     field = report.field
     if len(field) > 0:
@@ -80,7 +80,18 @@ def log(
 
 
 def blueprint(finger: str = "finger") -> Any:
-    """Return a layout: the image with its arrows, the numbers below, the verdicts beside them."""
+    """Return a layout: the image with its arrows, the numbers below, the verdicts beside them.
+
+    Parameters
+    ----------
+    finger : str
+        The name of the finger in the reports.
+
+    Returns
+    -------
+    rerun.blueprint.Blueprint
+        For ``rr.send_blueprint``, or ``default_blueprint`` of a recording.
+    """
     import rerun.blueprint as rrb
 
     return rrb.Blueprint(

@@ -58,6 +58,11 @@ fn task_of(
 
 /// The settings of a task: forces, controllers, timing. Read-only; other settings are made from TOML whose keys replace the
 /// defaults.
+///
+/// Parameters
+/// ----------
+/// file : str, path or None
+///     A ``FILE.toml``; None is the defaults.
 #[pyclass(frozen, eq, module = "slipbound.control", name = "TaskSettings")]
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PyTaskSettings(TaskSettings);
@@ -72,6 +77,11 @@ impl PyTaskSettings {
     }
 
     /// Settings from the text of a task settings file; its keys replace the defaults.
+    ///
+    /// Parameters
+    /// ----------
+    /// text : str
+    ///     TOML, as ``slipbound settings`` prints it.
     #[staticmethod]
     fn from_toml(text: &str) -> PyResult<Self> {
         guarded(|| config::parse_task_settings(text, "settings").map(PyTaskSettings).map_err(config_error))

@@ -115,6 +115,13 @@ impl Cycle {
     }
 
     /// The newest frame of a finger as an array; None before the first.
+    ///
+    /// Parameters
+    /// ----------
+    /// finger : int
+    ///     Its place among the fingers, from 0.
+    /// order : {"BGR", "RGB"}
+    ///     Order of the channels.
     #[pyo3(signature = (finger = 0, *, order = "BGR"))]
     fn image<'py>(&self, py: Python<'py>, finger: usize, order: &str) -> PyResult<Option<Bound<'py, PyArrayDyn<u8>>>> {
         let order = byte_order(order)?;

@@ -1,6 +1,6 @@
 //! The simulator: frames and their exact ground truth as arrays.
 
-use crate::errors::{data, exclusive, guarded, setting, source as source_error, word};
+use crate::errors::{FrameError, data, exclusive, guarded, setting, source as source_error, word};
 use crate::picture::{array, byte_order};
 use crate::sensor::Sensor;
 use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods as _};
@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
 use slipbound::sensor::Sensor as CoreSensor;
 use slipbound_lab::contact::Grid;
+use slipbound_lab::faults::Faulty;
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::{FrameTruth, Gross, World, complete, unpacked};
 use std::sync::{Arc, Mutex};
@@ -19,7 +20,7 @@ pub struct Simulation {
     sensor: Arc<CoreSensor>,
     grid: Grid,
     rest_mm: Vec<[f64; 2]>,
-    world: Mutex<World>,
+    world: Mutex<Faulty<World>>,
 }
 
 /// See the package's `lab.simulate`.
@@ -42,7 +43,8 @@ pub fn simulate(
         let world = World::new(&trial).map_err(setting)?;
         let rest_mm = world.markers_at_rest_mm().iter().map(|p| [p.x, p.y]).collect();
         let (sensor, grid) = (Arc::new(world.sensor()), world.grid());
-        Ok(Simulation { trial, sensor, grid, rest_mm, world: Mutex::new(world) })
+        let world = Mutex::new(Faulty::new(world, trial.faults().unwrap_or_default(), trial.seed));
+        Ok(Simulation { trial, sensor, grid, rest_mm, world })
     };
     // Making a world takes a few tenths of a second.
     py.detach(|| guarded(made))
@@ -61,11 +63,19 @@ impl Simulation {
         let next = py.detach(|| {
             guarded(|| {
                 let mut frame = FrameBuffer::default();
-                let next = world.next(&mut frame).map_err(|e| Python::attach(|py| source_error(py, e)))?;
-                Ok((next == Next::Frame).then(|| (frame, world.truth().clone())))
+                let torn = loop {
+                    match world.next(&mut frame).map_err(|e| Python::attach(|py| source_error(py, e)))? {
+                        Next::Frame => break None,
+                        Next::Torn { reason } => break Some(reason),
+                        // A late frame: it comes next.
+                        Next::Silent => {}
+                        Next::End => return Ok(None),
+                    }
+                };
+                Ok(Some((frame, torn, world.source().truth().clone())))
             })
         })?;
-        Ok(next.map(|(frame, truth)| SimulatedFrame { frame, truth: Truth { truth, grid: self.grid } }))
+        Ok(next.map(|(frame, torn, truth)| SimulatedFrame { frame, torn, truth: Truth { truth, grid: self.grid } }))
     }
 
     /// The trial with all its parameters, as `simulate` accepts it.
@@ -90,12 +100,17 @@ impl Simulation {
     /// When the object began to slide as a whole and under which load, as a dict; None while it has not.
     #[getter]
     fn gross<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        exclusive(&self.world, "simulation")?.gross().map(|gross: Gross| data(py, &gross)).transpose()
+        exclusive(&self.world, "simulation")?.source().gross().map(|gross: Gross| data(py, &gross)).transpose()
     }
 
     /// The truths with load fraction and margin filled in, which are known when the trial is over.
+    ///
+    /// Parameters
+    /// ----------
+    /// truths : sequence of Truth
+    ///     Those of the frames, in their order.
     fn complete(&self, truths: Vec<PyRef<'_, Truth>>) -> PyResult<Vec<Truth>> {
-        let gross = exclusive(&self.world, "simulation")?.gross();
+        let gross = exclusive(&self.world, "simulation")?.source().gross();
         let mut all: Vec<FrameTruth> = truths.iter().map(|truth| truth.truth.clone()).collect();
         complete(&mut all, gross);
         Ok(all.into_iter().map(|truth| Truth { truth, grid: self.grid }).collect())
@@ -110,19 +125,39 @@ impl Simulation {
 #[pyclass(frozen, module = "slipbound.lab")]
 pub struct SimulatedFrame {
     frame: FrameBuffer,
+    torn: Option<String>,
     truth: Truth,
 }
 
 #[pymethods]
 impl SimulatedFrame {
     /// The image as an array, uint8, H x W x 3.
+    ///
+    /// Parameters
+    /// ----------
+    /// order : {"BGR", "RGB"}
+    ///     Order of its channels.
+    ///
+    /// Raises
+    /// ------
+    /// slipbound.FrameError
+    ///     When the frame is torn.
     #[pyo3(signature = (*, order = "BGR"))]
     fn image<'py>(&self, py: Python<'py>, order: &str) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
-        let FrameBuffer { pixels, size, format, .. } = &self.frame;
+        let FrameBuffer { pixels, size, format, seq, .. } = &self.frame;
+        if let Some(why) = &self.torn {
+            return Err(FrameError::new_err(format!("expected a whole frame, got frame {seq} that is torn: {why}")));
+        }
         array(py, pixels.clone(), *size, *format, byte_order(order)?)
     }
 
-    /// The image as sent by the simulated camera: the bytes of a JPEG file.
+    /// Why the frame did not arrive completely, with ``fault="torn=0.1"``; None where it is whole.
+    #[getter]
+    fn torn(&self) -> Option<&str> {
+        self.torn.as_deref()
+    }
+
+    /// The image as sent by the simulated camera: the bytes of a JPEG file, cut off where the frame is torn.
     #[getter]
     fn jpeg(&self) -> &[u8] {
         &self.frame.encoded

@@ -1,7 +1,7 @@
-//! A numpy array as a frame: borrowed where it is contiguous as a whole, else copied row by row.
+//! A numpy array as a frame: borrowed where it is contiguous as a whole, else copied row by row, whole or by pixels.
 
 use crate::errors::FrameError;
-use numpy::ndarray::{ArrayView3, ArrayViewD, Axis};
+use numpy::ndarray::{ArrayView3, ArrayViewD, ArrayViewMut1, Axis, Zip};
 use numpy::{Element, PyArrayDescrMethods as _, PyArrayMethods as _, PyReadonlyArrayDyn, PyUntypedArray};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyTypeError;
@@ -107,11 +107,18 @@ fn forward(mut view: ArrayView3<'_, u8>, order: ByteOrder) -> (ArrayView3<'_, u8
 }
 
 fn gather(view: &ArrayView3<'_, u8>, into: &mut Vec<u8>) {
-    into.clear();
-    for row in view.axis_iter(Axis(0)) {
+    let (_, width, channels) = view.dim();
+    into.resize(view.len(), 0);
+    for (to, row) in into.chunks_exact_mut(width * channels).zip(view.axis_iter(Axis(0))) {
+        let channel = |c| row.index_axis(Axis(1), c);
         match row.to_slice() {
-            Some(bytes) => into.extend_from_slice(bytes),
-            None => into.extend(row.iter().copied()),
+            Some(bytes) => to.copy_from_slice(bytes),
+            None if channels == 1 => ArrayViewMut1::from(to).assign(&channel(0)),
+            None => Zip::from(ArrayViewMut1::from(to.as_chunks_mut::<3>().0))
+                .and(channel(0))
+                .and(channel(1))
+                .and(channel(2))
+                .for_each(|to, &first, &second, &third| *to = [first, second, third]),
         }
     }
 }

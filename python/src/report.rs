@@ -307,6 +307,11 @@ impl Report {
     }
 
     /// The line of `slipbound watch --json`; with `markers` that of `watch --json --markers`.
+    ///
+    /// Parameters
+    /// ----------
+    /// markers : bool
+    ///     Whether every marker and the outline of the contact are in it.
     #[pyo3(signature = (*, markers = false))]
     fn to_json(&self, markers: bool) -> PyResult<String> {
         let line = self.kept.seen(|OverlayInput { markers: all, contact_region, .. }| {
@@ -323,6 +328,11 @@ impl Report {
     }
 
     /// The same as a dict.
+    ///
+    /// Parameters
+    /// ----------
+    /// markers : bool
+    ///     Whether every marker and the outline of the contact are in it.
     #[pyo3(signature = (*, markers = false))]
     fn to_dict<'py>(&self, py: Python<'py>, markers: bool) -> PyResult<Bound<'py, PyAny>> {
         py.import("json")?.call_method1("loads", (self.to_json(markers)?,))

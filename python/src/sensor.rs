@@ -16,6 +16,11 @@ use std::sync::Arc;
 const TEXT: &str = "the text";
 
 /// The facts of a finger: how its camera sees the gel and what the markers on it look like. Read-only.
+///
+/// Parameters
+/// ----------
+/// name_or_file : str or path
+///     The name of a built-in finger (`slipbound.sensors()`) or its ``FILE.toml``.
 #[pyclass(frozen, eq, module = "slipbound")]
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensor(pub Arc<CoreSensor>);
@@ -36,6 +41,11 @@ impl Sensor {
     }
 
     /// A finger from the text of a sensor file.
+    ///
+    /// Parameters
+    /// ----------
+    /// text : str
+    ///     TOML; ``extends = "gelslim"`` takes what it does not say from that finger.
     #[staticmethod]
     fn from_toml(text: &str) -> PyResult<Self> {
         guarded(|| Ok(Sensor(Arc::new(sensors::parse(text, TEXT).map_err(config_error)?))))
@@ -107,6 +117,11 @@ pub fn sensor_of(argument: &Bound<'_, PyAny>) -> PyResult<Arc<CoreSensor>> {
 }
 
 /// The settings of the method. Read-only; other settings are made from TOML whose keys replace the defaults.
+///
+/// Parameters
+/// ----------
+/// name_or_file : str, path or None
+///     None is the defaults, ``"paper"`` the paper as written; else a ``FILE.toml``.
 #[pyclass(frozen, eq, module = "slipbound")]
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Settings(pub Arc<CoreSettings>);
@@ -133,6 +148,11 @@ impl Settings {
     }
 
     /// Settings from the text of a settings file; its keys replace the defaults.
+    ///
+    /// Parameters
+    /// ----------
+    /// text : str
+    ///     TOML, as ``slipbound settings`` prints it.
     #[staticmethod]
     fn from_toml(text: &str) -> PyResult<Self> {
         guarded(|| Ok(Settings(Arc::new(config::parse_settings(text, TEXT).map_err(config_error)?))))

@@ -315,6 +315,11 @@ impl Watch {
     }
 
     /// The frame of the newest report as an array; None before the first, and where it did not arrive completely.
+    ///
+    /// Parameters
+    /// ----------
+    /// order : {"BGR", "RGB"}
+    ///     Order of its channels.
     #[pyo3(signature = (*, order = "BGR"))]
     fn image<'py>(&self, py: Python<'py>, order: &str) -> PyResult<Option<Bound<'py, PyArrayDyn<u8>>>> {
         let order = byte_order(order)?;

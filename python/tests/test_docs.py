@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import doctest
+import importlib
+import inspect
 import re
 import subprocess
 import sys
@@ -41,13 +43,36 @@ def test_pages_run_as_they_stand(page, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("example", sorted((ROOT / "python" / "examples").glob("*.py")), ids=lambda path: path.name)
 def test_examples_run(example, tmp_path):
+    def printed(*arguments: str) -> str:
+        done = subprocess.run([sys.executable, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
     if example.name == "rerun_log.py":
         pytest.importorskip("rerun")
     if example.name == "eval_dask.py":
         pytest.importorskip("distributed")
-    done = subprocess.run([sys.executable, str(example)], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip()
+        sweep = ("table1", "--trials", "8", "--pictures", "0")
+        one_process = printed("-m", "slipbound", "eval", *sweep, "-o", "one").partition("\nreport:")[0]
+        assert "| ours |" in one_process
+        assert printed(str(example), "table1", "8").partition("\nreport:")[0] == one_process
+        return
+    assert printed(str(example))
+
+
+@pytest.mark.parametrize("name", ["slipbound", "slipbound.control", "slipbound.lab", "slipbound.gym", "slipbound.rerun"])
+def test_docstrings_name_every_argument_and_what_is_returned(name):
+    validate = pytest.importorskip("numpydoc.validate").validate
+    needs = {"slipbound.gym": "gymnasium", "slipbound.rerun": "rerun"}
+    pytest.importorskip(needs.get(name, "slipbound"))
+    module = importlib.import_module(name)
+    things = {f"{name}.{thing}": getattr(module, thing) for thing in module.__all__}
+    things = {path: thing for path, thing in things.items() if inspect.isclass(thing) or inspect.isroutine(thing)}
+    for path, kind in [(path, thing) for path, thing in things.items() if inspect.isclass(thing)]:
+        things |= {f"{path}.{member}": what for member, what in vars(kind).items() if not member.startswith("_")}
+    errors = [(path, code, text) for path in things for code, text in validate(path)["errors"]]
+    wrong = [error for error in errors if error[1] in ("PR01", "PR02", "RT01")]
+    assert not wrong
 
 
 def test_everything_public_is_documented_and_listed():

@@ -68,6 +68,8 @@ def test_layouts_of_an_array_change_no_bit(frames, sensor):
         "reversed rows": (lambda a: np.ascontiguousarray(a[::-1])[::-1], None),
         "reversed columns": (lambda a: np.ascontiguousarray(a[:, ::-1])[:, ::-1], None),
         "column-major": (np.asfortranarray, None),
+        "transposed": (lambda a: np.ascontiguousarray(a.transpose(1, 0, 2)).transpose(1, 0, 2), None),
+        "first of four channels": (lambda a: np.dstack([a, a[:, :, :1]])[:, :, :3], None),
         "read-only": (lambda a: (a.setflags(write=False), a)[1], None),
     }
     for name, (layout, order) in layouts.items():
@@ -79,10 +81,12 @@ def test_layouts_of_an_array_change_no_bit(frames, sensor):
 
 
 def test_grey_frames_of_two_and_of_three_axes_are_the_same(frames, sensor):
-    grey = [np.ascontiguousarray(f.image()[:, :, 1]) for f in frames]
-    one, other = slipbound.Monitor(sensor, rest=grey[:5]), slipbound.Monitor(sensor, rest=grey[0:5])
-    for image in grey:
-        assert one.step(image).to_json() == other.step(image[:, :, np.newaxis]).to_json()
+    views = [f.image()[:, :, 1] for f in frames]
+    grey = [np.ascontiguousarray(view) for view in views]
+    one, other, viewing = (slipbound.Monitor(sensor, rest=grey[:5]) for _ in range(3))
+    for image, view in zip(grey, views):
+        expected = one.step(image).to_json()
+        assert other.step(image[:, :, np.newaxis]).to_json() == viewing.step(view).to_json() == expected
 
 
 def test_rest_is_found_among_the_first_frames(frames, sensor):

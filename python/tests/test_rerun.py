@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import slipbound
@@ -27,6 +28,27 @@ def test_a_recording_is_read_back(tmp_path):
     assert count > 20 and len(data) > 100_000
     for name in (b"left/image", b"left/markers", b"left/slip", b"left/margin", b"left/state"):
         assert name in data or name.replace(b"left/", b"/left/") in data
+
+
+def test_a_grey_frame_is_logged_as_one_whatever_its_axes(tmp_path, monitor, frames):
+    import slipbound.rerun
+
+    chunk = pytest.importorskip("rerun.chunk")
+    recording = rr.RecordingStream("slipbound_test")
+    recording.save(tmp_path / "run.rrd")
+    grey = frames[0].image()[:, :, 1].copy()
+    for image in (grey, grey[:, :, np.newaxis]):
+        slipbound.rerun.log(monitor.step(image), image, recording=recording)
+    recording.flush()
+    recording.disconnect()
+    parts = chunk.RrdReader(tmp_path / "run.rrd").stream().to_chunks()
+    formats = [
+        shown
+        for part in parts
+        if part.entity_path.endswith("/image")
+        for shown in part.to_record_batch().column("Image:format").to_pylist()
+    ]
+    assert len(formats) == 2 and formats[0] == formats[1], formats
 
 
 def test_every_recording_begins_with_a_verdict(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import os
 import socket
 import subprocess
 import sys
@@ -57,6 +58,26 @@ def test_a_recording_gives_the_lines_of_the_command(tmp_path):
     told = lines_of_the_command(source, tmp_path, "--sensor", options["sensor"], "--rest", "held")
     assert lines_of_python(source, settings=str(held), **options) == told != expected
     assert slipbound.watch(source, settings=str(held), **options).rest_kind == "in_contact"
+
+
+@pytest.mark.filterwarnings("ignore:.* is torn:RuntimeWarning")
+@pytest.mark.parametrize("fault", ["drop=0.5,torn=0.3", "dead=5,late=0.3"])
+def test_simulated_frames_have_the_faults_of_those_that_are_watched(frames, fault):
+    faulty = list(slipbound.lab.simulate(SCENE, fault=fault))
+    with slipbound.watch(f"sim:{SCENE}&fault={fault}") as watched:
+        seen = [(report.seq, watched.image()) for report in watched]
+    assert [frame.seq for frame in faulty] == [seq for seq, _ in seen]
+    for frame, (seq, image) in zip(faulty, seen):
+        whole = next(f for f in frames if f.seq == seq)
+        assert frame.truth.to_dict() == whole.truth.to_dict()
+        if image is None:
+            assert frame.torn.startswith("JPEG cut off") and whole.jpeg.startswith(frame.jpeg)
+            with pytest.raises(slipbound.FrameError, match=f"frame {seq} that is torn: JPEG cut off"):
+                frame.image()
+        else:
+            assert frame.torn is None and np.array_equal(frame.image(), image)
+            assert np.array_equal(image, whole.image()) != ("dead" in fault)
+    assert len(faulty) == len(frames) if "drop" not in fault else any(image is None for _, image in seen)
 
 
 def test_a_torn_frame_is_warned_of_with_its_file_and_reason(tmp_path):
@@ -171,21 +192,36 @@ def test_rows_are_those_of_the_command_and_a_column_has_one_type(tmp_path):
         assert len(types) <= 1, (name, types)
 
 
-def clips() -> list[tuple[str, str]]:
-    """Real recordings and the finger of each."""
+def test_whole_numbers_of_a_table_are_exact_where_one_is_unknown(monitor, frames):
+    pandas = pytest.importorskip("pandas")
+    time_ns = 1_700_000_000_123_456_789
+    table = slipbound.to_pandas([monitor.step(frames[0].image(), time_ns=time_ns), monitor.step(frames[0].image())])
+    assert table.time_ns[0] == time_ns and table.time_ns[1] is pandas.NA
+    assert {str(table[name].dtype) for name in ("seq", "markers_lost", "margin_age_frames")} == {"Int64"}
+    assert list(slipbound.to_pandas([]).columns) == list(table.columns)
+
+
+def clips() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """Real recordings and the finger of each: those that every run compares, and the others."""
     all_files = list(recordings())
     lifts = [p for p in all_files if p.is_dir() and p.parent.name == "gelsight-lift"]
     lifts = lifts or [p for p in {p.parent for p in all_files if "gelsight-lift" in str(p) and p.suffix == ".jpg"}]
     press = [p for p in all_files if p.suffix == ".avi" and "press" in p.parent.name]
+    presses = [p.parent for p in all_files if p.parent.name == "gelslim3-press" and p.name == "ref.jpg"]
     wriggle = [p for p in all_files if p.suffix == ".avi" and "wriggle" in str(p)]
-    fingers = [("gelsight", sorted(lifts)), ("gelsight_mini_wide", press), ("gelsight_mini_near", wriggle[:4])]
-    return [(str(clip), finger) for finger, some in fingers for clip in some]
+    fingers = [("gelsight", sorted(lifts)), ("gelsight_mini_wide", press), ("gelslim3", presses)]
+    near = [(str(clip), "gelsight_mini_near") for clip in wriggle]
+    return [(str(clip), finger) for finger, some in fingers for clip in some] + near[:4], near[4:]
 
 
-@pytest.mark.skipif(not clips(), reason="no recordings")
-def test_recordings_give_the_lines_of_the_command(tmp_path):
+@pytest.mark.skipif(not clips()[0], reason="no recordings")
+@pytest.mark.parametrize("which", ["in every run", "the others"])
+def test_recordings_give_the_lines_of_the_command(tmp_path, which):
+    every_run, others = clips()
+    if which == "the others" and os.environ.get("SLIPBOUND_CLIPS") != "all":
+        pytest.skip(f"{len(others)} more recordings are compared by SLIPBOUND_CLIPS=all, as in `.ci/run full`")
     compared_count = 0
-    for clip, finger in clips():
+    for clip, finger in every_run if which == "in every run" else others:
         expected = lines_of_the_command(clip, tmp_path, "--sensor", finger)
         assert lines_of_python(clip, sensor=finger) == expected, clip
         compared_count += len(expected)

@@ -6,10 +6,12 @@ import math
 import re
 import runpy
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 import pytest
+from packaging.requirements import Requirement
 
 import slipbound
 
@@ -33,10 +35,14 @@ def test_lerobot_makes_it_from_its_config():
 
 
 def test_lerobot_finds_the_distribution():
-    from importlib.metadata import distributions
-
-    names = [distribution.metadata["Name"] for distribution in distributions()]
+    names = [distribution.metadata["Name"] for distribution in metadata.distributions()]
     assert any(name.startswith("lerobot_camera_") for name in names)
+
+
+def test_what_it_says_it_needs_is_what_it_is_tried_with():
+    needed = [Requirement(text) for text in metadata.requires("lerobot_camera_slipbound")]
+    unmet = [str(one) for one in needed if not one.specifier.contains(metadata.version(one.name), prereleases=True)]
+    assert {one.name for one in needed} == {"slipbound", "lerobot"} and not unmet, unmet
 
 
 def test_it_gives_pictures_and_numbers_until_it_is_disconnected():
