@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# All that must pass of the ROS 2 node: formatting, lints, tests, CycloneDDS and FastDDS at the other end. Ends with a line that says so.
+# All that must pass of the ROS 2 node: formatting, lints, tests, the commands of docs/ros2.md, CycloneDDS and FastDDS at the other end. Ends
+# with a line that says so.
 # Needs no ROS; a Python with a venv, and for FastDDS Debian's libfastrtps-dev, which it installs where it may.
 set -euo pipefail
 cd "$(dirname "$0")"
