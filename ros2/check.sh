@@ -22,7 +22,7 @@ fastdds="$CARGO_TARGET_DIR/ros2-fastdds"
 mkdir -p "$fastdds"
 if [ -e /usr/include/fastdds/dds/domain/DomainParticipant.hpp ] \
     || (apt-get update -qq && apt-get install -y -qq g++ libfastrtps-dev) >/dev/null 2>&1; then
-    for program in fastdds_reader fastdds_client; do
+    for program in fastdds_reader fastdds_writer fastdds_client; do
         g++ -std=c++17 -O1 -w -o "$fastdds/$program" "tests_interop/$program.cpp" -lfastrtps -lfastcdr
     done
 else
