@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# All that must pass of the ROS 2 node: formatting, lints, tests, CycloneDDS and FastDDS at the other end. Ends with a line that says so.
+# All that must pass of the ROS 2 node: formatting, lints, tests, the commands of docs/ros2.md, CycloneDDS and FastDDS at the other end. Ends
+# with a line that says so.
 # Needs no ROS; a Python with a venv, and for FastDDS Debian's libfastrtps-dev, which it installs where it may.
 set -euo pipefail
 cd "$(dirname "$0")"
@@ -21,7 +22,7 @@ fastdds="$CARGO_TARGET_DIR/ros2-fastdds"
 mkdir -p "$fastdds"
 if [ -e /usr/include/fastdds/dds/domain/DomainParticipant.hpp ] \
     || (apt-get update -qq && apt-get install -y -qq g++ libfastrtps-dev) >/dev/null 2>&1; then
-    for program in fastdds_reader fastdds_client; do
+    for program in fastdds_reader fastdds_writer fastdds_client; do
         g++ -std=c++17 -O1 -w -o "$fastdds/$program" "tests_interop/$program.cpp" -lfastrtps -lfastcdr
     done
 else

@@ -1,14 +1,15 @@
 //! Writes the images of a simulated finger and the library's reports on them, for tests in other languages:
-//! `interop_frames FOLDER` makes `000.jpg`, ..., `sensor.toml` and `reports.jsonl`, one `slipbound_msgs/SlipReport` per
-//! line with null for NaN. The first 20 images are for the rest frame; the first line belongs to the image after them.
+//! `interop_frames FOLDER` makes `000.jpg`, ..., `sensor.toml`, `reports.jsonl` and `hands.jsonl`, one
+//! `slipbound_msgs/SlipReport` and one `HandReport` per line with null for NaN. The first 20 images are for the rest frame; the first line belongs to the image after them.
 
 use slipbound::finger_pipeline::RestFinder;
+use slipbound::hand::{Hand, Mounting, Side};
 use slipbound::monitor::{Settings, SlipMonitor};
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
 use slipbound_rig::{sensors, source::decode_image};
-use slipbound_ros2::msg::{Header, SlipReport, Time};
+use slipbound_ros2::msg::{HandReport, Header, SlipReport, Time};
 use std::error::Error;
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -27,6 +28,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (sensor, settings) = (world.sensor(), Settings::default());
     std::fs::write(folder.join("sensor.toml"), sensors::to_toml(&sensor)?)?;
     let mut lines = std::fs::File::create(folder.join("reports.jsonl"))?;
+    let mut hand_lines = std::fs::File::create(folder.join("hands.jsonl"))?;
+    let mut hand = Hand::new(&[Mounting::on(Side::Left)])?;
     let mut frame = FrameBuffer::default();
     let (mut finder, mut monitor): (Option<RestFinder>, Option<SlipMonitor>) = (None, None);
     let mut reports_count = 0;
@@ -43,6 +46,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             let header = Header { stamp, frame_id: "left_gel".into() };
             let message = SlipReport::of(header, "left", reports_count, &report);
             writeln!(lines, "{}", serde_json::to_string(&message)?)?;
+            hand.see(0, &report);
+            let message = HandReport::of("hand", &hand.report(report.time_ns.unwrap_or(0)));
+            writeln!(hand_lines, "{}", serde_json::to_string(&message)?)?;
             reports_count += 1;
             continue;
         }

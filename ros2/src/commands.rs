@@ -3,6 +3,7 @@
 pub mod emulate;
 pub mod measure;
 pub mod node;
+pub mod run;
 pub mod simulate;
 
 use slipbound::setting::SettingError;

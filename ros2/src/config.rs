@@ -1,7 +1,12 @@
 //! The parameters of the node: a TOML file. `example.toml` contains every key.
 
+mod control;
+
+pub use control::{Control, GripperAddress};
+
 use crate::error::Error;
 use crate::ros::{ServiceMapping, checked_node, full_topic};
+use control::ControlFile;
 use ros2_client::Name;
 use serde::Deserialize;
 use slipbound::monitor::Settings;
@@ -38,6 +43,8 @@ pub struct Config {
     pub autostart: bool,
     /// The fingers with their topics, in the order of the hand file.
     pub fingers: Vec<Finger>,
+    /// Gripper, wrist and controller; the node itself commands nothing.
+    pub control: Option<Control>,
 }
 
 /// A finger and the source of its images.
@@ -95,6 +102,7 @@ struct ConfigFile {
     #[serde(default = "yes")]
     autostart: bool,
     fingers: Vec<FingerFile>,
+    control: Option<ControlFile>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -167,6 +175,7 @@ pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
         check_topic("gripper_state_topic", &full_topic(&node, topic), topic).map_err(refuse)?;
     }
     check_fingers(&file, &known, &node).map_err(refuse)?;
+    let control = file.control.as_ref().map(|control| control.check(path)).transpose()?;
     let fingers = known.into_iter().filter_map(|finger| {
         let topic = file.fingers.iter().find(|other| other.name == finger.name)?;
         let wrench_frame = topic.wrench_frame.clone().unwrap_or_else(|| format!("{}_gel", finger.name));
@@ -184,6 +193,7 @@ pub fn load(path: &Path, domain_id: Option<&str>) -> Result<Config, Error> {
         gripper_state_topic: file.gripper_state_topic,
         overlay: file.overlay,
         autostart: file.autostart,
+        control,
     })
 }
 
@@ -287,6 +297,30 @@ mod tests {
         let config = read(&text, None).expect("valid");
         assert_eq!(config.service_mapping, ServiceMapping::Cyclone);
         assert_eq!(config.fingers.iter().map(|f| &*f.wrench_frame).collect::<Vec<_>>(), ["left_gel", "finger_2_pad"]);
+    }
+
+    /// With what is commented out, which stands there as it is left or as another choice.
+    #[test]
+    fn the_example_is_valid_with_every_key() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let keys =
+            |line: &'static str| line.strip_prefix("# ").filter(|key| key.contains(" = ") || key.starts_with('['));
+        let with_action = |line: &str| line.replace("ros2:///hand/gripper", "ros2+action:///gripper_cmd");
+        let text: Vec<String> =
+            include_str!("../example.toml").lines().map(|line| with_action(keys(line).unwrap_or(line))).collect();
+        let path = folder.path().join("node.toml");
+        for (name, text) in [
+            ("hand.toml", include_str!("../hand.toml")),
+            ("node.toml", &text.join("\n")),
+            ("mine.toml", ""),
+            ("task.toml", ""),
+        ] {
+            std::fs::write(folder.path().join(name), text).expect("writes");
+        }
+        let config = load(&path, None).expect("valid");
+        let control = config.control.expect("a table");
+        assert!(matches!(control.gripper, GripperAddress::Action(action) if action.joint == "finger_joint"));
+        assert_eq!((config.fingers.len(), control.wrist.as_deref()), (2, Some("/hand/wrist")));
     }
 
     #[test]

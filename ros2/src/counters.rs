@@ -6,6 +6,9 @@ use crate::msg::{DiagnosticStatus, KeyValue};
 /// Latencies beyond this come from two clocks that do not agree, ns.
 const LATENCY_MOST_NS: u64 = 60_000_000_000;
 
+/// Time between two diagnostics, ns.
+pub(crate) const DIAGNOSTICS_NS: u64 = 1_000_000_000;
+
 /// Counters of the images of one finger.
 #[derive(Debug, Clone, Default)]
 pub struct FingerCounters {
@@ -55,6 +58,12 @@ impl FingerCounters {
         {
             self.latencies_ns.push(ns);
         }
+    }
+
+    /// An image could not be decoded.
+    pub fn torn(&mut self, why: &str) {
+        self.torn_count += 1;
+        self.last_failure = Some(why.to_owned());
     }
 
     /// Something failed.

@@ -1,6 +1,7 @@
 //! Errors before the node runs, and errors that end it.
 
 use slipbound::setting::SettingError;
+use slipbound_rig::run;
 
 /// Why the node, a gripper or a wrist cannot be set up.
 #[derive(Debug, thiserror::Error)]
@@ -30,15 +31,25 @@ pub enum Error {
         /// Its reason.
         why: String,
     },
+    /// The folder of a run that cannot be used or written.
+    #[error(transparent)]
+    Run(#[from] run::Error),
+    /// A run that finished without some of its data.
+    #[error("finished, but {0}")]
+    DataLost(String),
     /// No finger thread is left to judge images.
     #[error("expected at least one finger that judges images, got none: all finger threads have panicked")]
     FingersBroken,
 }
 
 impl Error {
-    /// Whether the cause is user input, not the network or a thread.
+    /// Whether the cause is user input, not the network, a disk or a thread.
     pub fn is_argument(&self) -> bool {
-        !matches!(self, Error::Middleware { .. } | Error::FingersBroken)
+        match self {
+            Error::Config(_) | Error::Setting(_) | Error::Name { .. } => true,
+            Error::Run(error) => !matches!(error, run::Error::Write { .. } | run::Error::Encode { .. }),
+            Error::Middleware { .. } | Error::DataLost(_) | Error::FingersBroken => false,
+        }
     }
 
     /// A refusal of the middleware.

@@ -84,9 +84,7 @@ impl Finger {
                 (self.is_taring, self.finder) = (true, None);
                 Ok(())
             }
-            Some(SlipState::Unjudged) => {
-                Err("expected a finger at rest, got an image that could not be judged".into())
-            }
+            Some(SlipState::Unjudged) => Err("expected a finger at rest, got an image that could not be judged".into()),
             Some(_) => Err("expected a finger that nothing touches, got one in contact".into()),
         }
     }

@@ -5,31 +5,27 @@
 //!                                                        '--> overlay thread, if it is free
 //! ```
 
-use crate::config::{Config, Finger as FingerConfig, ImageQos, ImageType};
+use crate::config::{Config, Finger as FingerConfig, ImageQos};
 use crate::counters::FingerCounters;
 use crate::error::Error;
 use crate::finger::{Finger, FrameOutcome};
+use crate::finger_topics::{self, FingerTopics};
 use crate::image_decode::ReceivedImage;
-use crate::msg::{CompressedImage, Header, Image, SlipReport, WrenchStamped};
+use crate::image_topic::{ImageTopic, LONGEST_WAIT};
+use crate::msg::Header;
 use crate::overlay::OverlayThread;
-use crate::ros::{Inbox, RELIABLE, Received, Ros, SENSOR_DATA, unix_ns};
+use crate::ros::Ros;
 use crate::tare;
-use crate::wrench::wrench;
-use ros2_client::Publisher;
 use slipbound::monitor::{self, Settings};
 use slipbound::port::{FrameBuffer, GripSample};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
 
 /// Number of images that may wait; older ones are skipped. With `reliable` every image is judged as far as possible.
 const WAITING_COUNT: usize = 2;
 const WAITING_RELIABLE_COUNT: usize = 10;
-
-/// Longest wait for an image before stop flag and requests are checked.
-const LONGEST_WAIT: Duration = Duration::from_millis(20);
 
 /// State shared by the threads of a node.
 #[derive(Debug, Default)]
@@ -66,44 +62,6 @@ pub enum FingerEvent {
     Tared(Result<(), String>),
 }
 
-/// The topic of a finger's images.
-enum ImageTopic {
-    Compressed(Inbox<CompressedImage>),
-    Raw(Inbox<Image>),
-}
-
-impl ImageTopic {
-    fn wait(&mut self, longest: Duration) {
-        match self {
-            ImageTopic::Compressed(inbox) => inbox.wait(longest),
-            ImageTopic::Raw(inbox) => inbox.wait(longest),
-        }
-    }
-
-    fn count_from(&mut self, last_seq: i64) {
-        match self {
-            ImageTopic::Compressed(inbox) => inbox.count_from(last_seq),
-            ImageTopic::Raw(inbox) => inbox.count_from(last_seq),
-        }
-    }
-
-    fn last_seq(&self) -> i64 {
-        match self {
-            ImageTopic::Compressed(inbox) => inbox.last_seq(),
-            ImageTopic::Raw(inbox) => inbox.last_seq(),
-        }
-    }
-
-    fn take(&mut self) -> Result<Option<(ReceivedImage, u64)>, String> {
-        Ok(match self {
-            ImageTopic::Compressed(inbox) => {
-                inbox.take()?.map(|Received { message, seq }| (ReceivedImage::Compressed(message), seq))
-            }
-            ImageTopic::Raw(inbox) => inbox.take()?.map(|Received { message, seq }| (ReceivedImage::Raw(message), seq)),
-        })
-    }
-}
-
 /// A finger without topics: what is kept when the network is joined again.
 pub struct FingerState {
     finger: Finger,
@@ -131,17 +89,13 @@ impl FingerState {
 /// A finger with its topics.
 pub struct FingerThread {
     place: usize,
-    name: String,
-    wrench_frame: String,
     finger: Finger,
     images: ImageTopic,
     waiting: VecDeque<(ReceivedImage, u64)>,
     waiting_most_count: usize,
     frame: FrameBuffer,
-    frames_count: u64,
     forgotten_count: u64,
-    reports: Publisher<SlipReport>,
-    wrenches: Publisher<WrenchStamped>,
+    topics: FingerTopics,
     overlay: Option<OverlayThread>,
     counters: Arc<Mutex<FingerCounters>>,
     shared: Arc<Shared>,
@@ -170,21 +124,13 @@ impl FingerThread {
         state: FingerState,
         channels: ThreadChannels,
     ) -> Result<Self, Error> {
-        let finger = &config.fingers[place];
-        let (name, wrench_frame) = (finger.finger.name.clone(), finger.wrench_frame.clone());
-        let (qos, waiting_most_count) = match config.image_qos {
-            ImageQos::SensorData => (SENSOR_DATA, WAITING_COUNT),
-            ImageQos::Reliable => (RELIABLE, WAITING_RELIABLE_COUNT),
+        let waiting_most_count = match config.image_qos {
+            ImageQos::SensorData => WAITING_COUNT,
+            ImageQos::Reliable => WAITING_RELIABLE_COUNT,
         };
-        let mut images = match finger.image_type {
-            ImageType::Compressed => ImageTopic::Compressed(ros.inbox(&finger.image_topic, &qos)?),
-            ImageType::Raw => ImageTopic::Raw(ros.inbox(&finger.image_topic, &qos)?),
-        };
+        let mut images = ImageTopic::new(ros, &config.fingers[place], config.image_qos)?;
         images.count_from(state.last_seq);
-        let overlay = config
-            .overlay
-            .then(|| ros.publisher(&format!("{name}/overlay/compressed"), &SENSOR_DATA).map(OverlayThread::new))
-            .transpose()?;
+        let overlay = finger_topics::overlay(ros, config, place)?;
         let ThreadChannels { shared, counters, requests, hand } = channels;
         Ok(FingerThread {
             place,
@@ -193,17 +139,13 @@ impl FingerThread {
             waiting: VecDeque::new(),
             waiting_most_count,
             frame: FrameBuffer::default(),
-            frames_count: state.frames_count,
             forgotten_count: state.forgotten_count,
-            reports: ros.publisher(&format!("{name}/report"), &RELIABLE)?,
-            wrenches: ros.publisher(&format!("{name}/wrench"), &SENSOR_DATA)?,
+            topics: FingerTopics::new(ros, config, place, state.frames_count, counters.clone())?,
             overlay,
             counters,
             shared,
             requests,
             hand,
-            name,
-            wrench_frame,
         })
     }
 
@@ -221,7 +163,7 @@ impl FingerThread {
         FingerState {
             last_seq: self.images.last_seq(),
             finger: self.finger,
-            frames_count: self.frames_count,
+            frames_count: self.topics.frames_count(),
             forgotten_count: self.forgotten_count,
         }
     }
@@ -298,9 +240,7 @@ impl FingerThread {
                 }
             },
             Err(why) => {
-                let mut counters = self.counters.lock().unwrap_or_else(PoisonError::into_inner);
-                counters.torn_count += 1;
-                counters.last_failure = Some(why);
+                self.counters.lock().unwrap_or_else(PoisonError::into_inner).torn(&why);
                 self.finger.torn(seq, self.frame.time_ns)
             }
         };
@@ -313,21 +253,8 @@ impl FingerThread {
     }
 
     fn publish(&mut self, header: Header, report: &monitor::SlipReport) {
-        let message = SlipReport::of(header, &self.name, self.frames_count, report);
-        self.frames_count += 1;
-        let (header, state) = (message.header.clone(), message.state.clone());
-        let sent = self.reports.publish(message).map_err(|e| e.to_string());
-        {
-            let mut counters = self.counters.lock().unwrap_or_else(PoisonError::into_inner);
-            match sent {
-                Ok(()) => counters.published(unix_ns(), report.time_ns, &state),
-                Err(why) => counters.failed(why),
-            }
-        }
+        self.topics.publish(header.clone(), report);
         self.send_event(FingerEvent::Report(Box::new(*report)));
-        if let Some(wrench) = wrench(header.stamp, &self.wrench_frame, report) {
-            let _ = self.wrenches.publish(wrench); // best effort: the report has the same numbers
-        }
         if let (Some(overlay), Some(monitor)) = (&mut self.overlay, self.finger.monitor()) {
             overlay.show(header, &self.frame, report, monitor);
         }

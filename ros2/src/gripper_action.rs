@@ -48,7 +48,8 @@ const SAME_N: f64 = 1e-3;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActionGripperConfig {
-    /// Name of the action.
+    /// Name of the action: not a key of the table, but part of the gripper's address.
+    #[serde(skip)]
     pub action: String,
     /// Topic of the joint's state.
     #[serde(default = "joint_states")]
@@ -68,7 +69,7 @@ pub struct ActionGripperConfig {
 
 impl ActionGripperConfig {
     /// Rejects invalid numbers, and jaws without travel.
-    fn check(&self) -> Result<(), SettingError> {
+    pub(crate) fn check(&self) -> Result<(), SettingError> {
         let refuse = |key: &str, expected: &str, got: f64| {
             Err(SettingError { key: key.into(), expected: expected.into(), got: got.to_string() })
         };

@@ -3,6 +3,7 @@
 mod commands;
 
 use clap::{Parser, Subcommand};
+use slipbound_ros2::error::Error;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,6 +20,10 @@ struct Arguments {
 enum Command {
     /// Judges the pictures of a hand's fingers: slip reports out, one a picture
     Node(commands::node::Node),
+    /// Holds an object with a gripper that is a node, and raises the force when it begins to slip
+    Hold(commands::run::Hold),
+    /// A task with a gripper and a wrist that are nodes
+    Run(commands::run::Run),
     /// Publishes the pictures of a simulated finger
     Simulate(commands::simulate::Simulate),
     /// A gripper and a wrist that are nodes, holding nothing but a block of steel
@@ -37,6 +42,8 @@ fn main() -> ExitCode {
     }
     let done = match arguments.command {
         Command::Node(node) => node.run(&stop),
+        Command::Hold(hold) => hold.run(&stop),
+        Command::Run(run) => run.run(&stop),
         Command::Simulate(simulate) => simulate.run(&stop),
         Command::Emulate(emulate) => emulate.run(&stop),
         Command::Measure(measure) => measure.run(&stop),
@@ -45,8 +52,11 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
             eprintln!("slipbound-ros2: {e}");
-            let is_argument = e.downcast_ref::<slipbound_ros2::error::Error>().is_some_and(|e| e.is_argument());
-            ExitCode::from(if is_argument { 2 } else { 1 })
+            ExitCode::from(match e.downcast_ref::<Error>() {
+                Some(Error::DataLost(_)) => 3,
+                Some(e) if e.is_argument() => 2,
+                _ => 1,
+            })
         }
     }
 }

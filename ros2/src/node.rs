@@ -3,7 +3,7 @@
 mod states;
 
 use crate::config::Config;
-use crate::counters::FingerCounters;
+use crate::counters::{DIAGNOSTICS_NS, FingerCounters};
 use crate::error::Error;
 use crate::finger_thread::{FingerEvent, FingerRequest, FingerState, FingerThread, Shared, ThreadChannels};
 use crate::lifecycle::{Lifecycle, State};
@@ -28,9 +28,6 @@ const LONGEST_WAIT_NS: u64 = 25_000_000;
 
 /// Longest time between two reports of the hand once it is active, ns: without images they report that it is blind.
 const LONGEST_SILENCE_NS: u64 = 100_000_000;
-
-/// Time between two diagnostics, ns.
-const DIAGNOSTICS_NS: u64 = 1_000_000_000;
 
 /// Age up to which a force reported by a gripper is used, ns.
 const GRIP_AGE_NS: u64 = 500_000_000;

@@ -10,7 +10,7 @@ from cyclonedds.idl.types import array, float64, int32, sequence, uint8, uint32,
 
 MESSAGES = pathlib.Path(__file__).parent.parent / "slipbound_msgs" / "msg"
 PRIMITIVES = {
-    "bool": bool, "uint8": uint8, "int32": int32, "uint32": uint32, "uint64": uint64, "float64": float64, "string": str,
+    "bool": bool, "byte": uint8, "uint8": uint8, "int32": int32, "uint32": uint32, "uint64": uint64, "float64": float64, "string": str,
 }
 # Of other packages, as far as they are needed.
 OTHERS = {
@@ -18,6 +18,12 @@ OTHERS = {
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
     "lifecycle_msgs/State": "uint8 id\nstring label",
     "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Wrench": "Vector3 force\nVector3 torque",
+    "geometry_msgs/WrenchStamped": "std_msgs/Header header\nWrench wrench",
+    "diagnostic_msgs/KeyValue": "string key\nstring value",
+    "diagnostic_msgs/DiagnosticStatus": "byte level\nstring name\nstring message\nstring hardware_id\nKeyValue[] values",
+    "diagnostic_msgs/DiagnosticArray": "std_msgs/Header header\nDiagnosticStatus[] status",
 }
 
 

@@ -1,23 +1,19 @@
-//! A control loop whose gripper and wrist are nodes in other processes, which are killed and restarted.
+//! `slipbound-ros2 hold` and `run`, whose gripper and wrist are nodes in other processes, which are killed and restarted.
 
-use crate::process::{LONGEST_WAIT, Process, domain_id};
-use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleView, FaultKind};
-use slipbound::finger_pipeline::FingerPipeline;
-use slipbound::hand::{Mounting, Side};
-use slipbound::monitor::Settings;
+use crate::process::{LONGEST_WAIT, Process, domain_id, next};
+use serde_json::Value;
 use slipbound::port::{
-    FrameBuffer, FrameSource, GripCommand, Gripper, GripperErrorKind, Jaws, Next, SourceError, Wrist, WristError,
-    WristErrorKind, WristMotion, WristState,
+    FrameBuffer, FrameSource as _, GripCommand, Gripper as _, GripperErrorKind, Next, Wrist as _, WristError,
+    WristErrorKind, WristState,
 };
-use slipbound::task::{ControllerKind, Phase, TaskKind, TaskSettings};
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
-use slipbound_rig::link::now_ns;
-use slipbound_rig::realtime;
+use slipbound_rig::sensors;
 use slipbound_ros2::gripper::TopicGripper;
-use slipbound_ros2::gripper_action::{ActionGripper, ActionGripperConfig};
-use slipbound_ros2::msg::{Header, WristState as WristStateMessage};
-use slipbound_ros2::ros::{Ros, SENSOR_DATA, stamp};
+use slipbound_ros2::msg::{
+    CompressedImage, GripperState, HandReport, Header, SlipReport, WristState as WristStateMessage,
+};
+use slipbound_ros2::ros::{RELIABLE, Ros, SENSOR_DATA, stamp};
 use slipbound_ros2::wrist::TopicWrist;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -32,73 +28,35 @@ const FORCE_N: f64 = 20.0;
 /// its time to live, and some margin for a busy computer.
 const WRIST: Duration = Duration::from_millis(900);
 
-/// A finger that feels nothing until the jaws hold, and the same object from then on.
-struct Finger {
-    frames: Vec<FrameBuffer>,
+const IMAGES: &str = "/left/image/compressed";
+
+/// A camera node whose finger feels nothing until the jaws hold, and the same object from then on.
+fn camera(world: &mut World, domain_id: u16, stop: Arc<AtomicBool>) -> thread::JoinHandle<()> {
     /// Frames before the contact.
-    open_count: usize,
-    holds: Arc<AtomicBool>,
-    next: usize,
-    seq: u64,
-}
-
-impl FrameSource for Finger {
-    fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
-        let frame = &self.frames[self.next];
-        into.pixels.clone_from(&frame.pixels);
-        (into.format, into.size, into.seq, into.time_ns) = (frame.format, frame.size, self.seq, Some(now_ns()));
-        self.seq += 1;
-        self.next += 1;
-        let holds = self.holds.load(Ordering::Relaxed);
-        if !holds && self.next >= self.open_count {
-            self.next = 0;
-        } else if self.next >= self.frames.len() {
-            self.next = self.frames.len() - 8; // eight frames of the held object, repeated
-        }
-        Ok(Next::Frame)
-    }
-}
-
-fn finger(holds: Arc<AtomicBool>) -> FingerPipeline {
-    let mut world = World::new(&Trial::parse("press?grid=fast&rest_frames=24").expect("a scene")).expect("a world");
-    let sensor = world.sensor();
-    let mut frames = Vec::new();
-    let mut frame = FrameBuffer::default();
+    const OPEN_COUNT: usize = 20;
+    let (mut jpegs, mut frame) = (Vec::new(), FrameBuffer::default());
     while world.next(&mut frame).expect("simulates") == Next::Frame {
-        frames.push(frame.clone());
+        jpegs.push(frame.encoded.clone());
     }
-    let source = Finger { frames, open_count: 20, holds, next: 0, seq: 0 };
-    FingerPipeline::new("left", Mounting::on(Side::Left), sensor, Settings::default(), Box::new(source))
-}
-
-/// Observations of the loop.
-#[derive(Clone, Default)]
-struct Seen {
-    fault: Option<FaultKind>,
-    is_lifting: bool,
-    commanded_n: Vec<f64>,
-    cycles_count: u32,
-}
-
-/// An observer that tells the simulated finger whether the jaws hold.
-struct Observer {
-    seen: Arc<Mutex<Seen>>,
-    holds: Arc<AtomicBool>,
-}
-
-impl CycleObserver for Observer {
-    fn after_cycle(&mut self, view: &CycleView<'_>) {
-        let mut seen = self.seen.lock().expect("whole");
-        seen.cycles_count += 1;
-        seen.fault = view.fault.map(|fault| fault.kind);
-        let Some(cycle) = view.cycle() else { return };
-        self.holds.fetch_or(cycle.gripper.jaws == Jaws::Holding, Ordering::Relaxed);
-        seen.is_lifting = matches!(cycle.wrist_command.motion, WristMotion::Lower { .. }) && !cycle.fault;
-        match cycle.grip_command {
-            GripCommand::Hold { force_n } => seen.commanded_n.push(force_n),
-            GripCommand::Release => assert!(cycle.phase == Phase::Releasing, "opened"),
+    thread::spawn(move || {
+        let mut ros = Ros::new("/", "test_camera", domain_id).expect("joins");
+        let images = ros.publisher(IMAGES, &SENSOR_DATA).expect("a publisher");
+        let mut jaws = ros.inbox::<GripperState>("/one/gripper/state", &SENSOR_DATA).expect("a subscription");
+        let (mut shown, mut holds) = (0, false);
+        while !stop.load(Ordering::Relaxed) {
+            holds |= jaws.newest().is_some_and(|state| state.jaws == "holding");
+            let header = Header { stamp: stamp(), frame_id: "camera".into() };
+            let (format, data) = ("jpeg".into(), jpegs[shown].clone());
+            images.publish(CompressedImage { header, format, data }).expect("shown");
+            shown += 1;
+            if !holds && shown >= OPEN_COUNT {
+                shown = 0;
+            } else if shown >= jpegs.len() {
+                shown = jpegs.len() - 8; // eight frames of the held object, repeated
+            }
+            sleep(Duration::from_millis(33));
         }
-    }
+    })
 }
 
 /// A line of the emulator's log: force_n target_n angle_rad lowered_mm moving.
@@ -127,52 +85,72 @@ fn await_that(what: &str, longest: Duration, mut is_so: impl FnMut() -> bool) ->
     began.elapsed()
 }
 
-/// A loop that lifts, far and slowly, on a thread.
+const TOPICS: &str = "[control]\ngripper = \"ros2:///one/gripper\"\nwrist = \"ros2:///two/wrist\"\n";
+
+/// The files of a command with one finger that lifts far and slowly, and this table.
+fn files(folder: &Path, control: &str) -> World {
+    let world =
+        World::new(&Trial::parse("press?grid=fast&rest_frames=24&jpeg_quality=75").expect("a scene")).expect("a world");
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).expect("writes");
+    write("left.toml", &sensors::to_toml(&world.sensor()).expect("a sensor"));
+    write(
+        "hand.toml",
+        "name = \"one\"\n[[fingers]]\nname = \"left\"\nserial = \"A\"\nside = \"left\"\nsensor = \"left.toml\"\n",
+    );
+    write("task.toml", &format!("[grip]\nstart_n = {FORCE_N}\n[lift]\nlift_mm = 1000.0\nrate_mm_per_s = 2.0\n"));
+    let finger = format!("[[fingers]]\nname = \"left\"\nimage_topic = \"{IMAGES}\"\n");
+    let control =
+        control.replacen("[control]\n", "[control]\ncontroller = \"constant\"\nsettings = \"task.toml\"\n", 1);
+    write("node.toml", &format!("hand = \"hand.toml\"\n{finger}{control}"));
+    world
+}
+
+/// A process with the control loop, and the camera of its finger.
 struct Loop {
-    seen: Arc<Mutex<Seen>>,
+    process: Process,
+    run: PathBuf,
     stop: Arc<AtomicBool>,
-    thread: Option<thread::JoinHandle<Result<(), ControlError>>>,
+    camera: Option<thread::JoinHandle<()>>,
+    _folder: tempfile::TempDir,
 }
 
 impl Loop {
-    fn start(mut gripper: impl Gripper + Send + 'static, mut wrist: TopicWrist) -> Self {
-        let mut settings = TaskSettings::default().with_controller(ControllerKind::Constant);
-        settings.grip.start_n = FORCE_N;
-        (settings.lift.lift_mm, settings.lift.rate_mm_per_s) = (1000.0, 2.0);
-        let holds = Arc::new(AtomicBool::new(false));
-        let finger = finger(holds.clone());
-        let stiffness = finger.sensor().shear_stiffness_mpa_per_mm();
-        let task = settings.task(TaskKind::Lift, stiffness).expect("a task");
-        let (seen, stop) = (Arc::new(Mutex::new(Seen::default())), Arc::new(AtomicBool::new(false)));
-        let (looks, stops) = (seen.clone(), stop.clone());
-        let thread = thread::spawn(move || {
-            // The nodes are discovered before the loop begins: its patience is for links lost later.
-            let began = Instant::now();
-            while (gripper.poll().is_err() || wrist.poll().is_err()) && began.elapsed() < LONGEST_WAIT {
-                sleep(Duration::from_millis(10));
-            }
-            let mut control = ControlLoop::new(vec![finger], task).expect("a loop");
-            let mut observer = Observer { seen: looks, holds };
-            let mut next = Instant::now();
-            let mut is_due = || {
-                let due = Instant::now() >= next;
-                if due {
-                    next += Duration::from_millis(33);
-                }
-                due
-            };
-            realtime::run(&mut control, &mut gripper, &mut wrist, &stops, &mut is_due, &mut observer)
-        });
-        Loop { seen, stop, thread: Some(thread) }
+    /// Of this command, with arguments beside its file.
+    fn start(command: &[&str], control: &str, domain_id: u16) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut world = files(folder.path(), control);
+        let (config, run) = (folder.path().join("node.toml"), folder.path().join("run"));
+        let paths = [config.to_str().expect("UTF-8"), "--output", run.to_str().expect("UTF-8")];
+        let process = Process::start(&[command, &paths].concat(), domain_id);
+        let stop = Arc::new(AtomicBool::new(false));
+        let camera = Some(camera(&mut world, domain_id, stop.clone()));
+        Loop { process, run, stop, camera, _folder: folder }
     }
 
-    fn seen(&self) -> Seen {
-        self.seen.lock().expect("whole").clone()
+    fn lines(&self, file: &str) -> Vec<Value> {
+        let text = std::fs::read_to_string(self.run.join(file)).unwrap_or_default();
+        let whole = &text[..text.rfind('\n').unwrap_or(0)];
+        whole.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
     }
 
-    fn end(mut self) -> Result<(), ControlError> {
+    /// Whether the last note that says so says that the loop waits for a node.
+    fn waits(&self) -> bool {
+        let notes = self.lines("events.jsonl").into_iter().filter_map(|event| Some(event["text"].as_str()?.to_owned()));
+        let mut told = notes.filter(|text| text.contains("the wrist pauses") || text.contains("are back"));
+        told.next_back().is_some_and(|text| text.contains("expected a state every 300 ms"))
+    }
+
+    /// The forces that were commanded, N; the jaws were never to open.
+    fn commanded_n(&self) -> Vec<f64> {
+        let commands = self.lines("reports.jsonl").into_iter().map(|cycle| cycle["grip_command"].clone());
+        commands.map(|command| command["force_n"].as_f64().expect("jaws that hold")).collect()
+    }
+}
+
+impl Drop for Loop {
+    fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
-        self.thread.take().expect("once").join().expect("no panic")
+        let _ = self.camera.take().map(thread::JoinHandle::join);
     }
 }
 
@@ -222,58 +200,95 @@ impl Nodes {
 }
 
 /// Kills the gripper's node while the loop lifts, and restarts it.
-fn vanish_and_return(mut nodes: Nodes, control: Loop, domain_id: u16, more: &[&str]) {
-    await_that("it lifts", LONGEST_WAIT, || control.seen().is_lifting && moves(&nodes.wrist_log));
+fn vanish_and_return(nodes: &mut Nodes, control: &Loop, domain_id: u16, more: &[&str]) {
+    await_that("it lifts", LONGEST_WAIT, || moves(&nodes.wrist_log));
     nodes.kill_gripper();
     let stood = await_that("the wrist stands", WRIST, || !moves(&nodes.wrist_log));
-    let is_gone = |seen: &Seen| seen.fault == Some(FaultKind::Gripper(GripperErrorKind::Link));
-    await_that("the loop says why", WRIST, || is_gone(&control.seen()));
+    await_that("the loop says why", WRIST, || control.waits());
     sleep(Duration::from_millis(1500));
-    let away = control.seen();
-    assert!(is_gone(&away) && !moves(&nodes.wrist_log), "it waits: {:?}", away.fault);
-    let before = nodes.gripper_log.clone();
-    assert_eq!(targets_n(&before).last(), Some(&FORCE_N));
+    assert!(control.waits() && !moves(&nodes.wrist_log), "it waits");
+    assert_eq!(targets_n(&nodes.gripper_log).last(), Some(&FORCE_N));
 
     nodes.gripper_again(domain_id, more);
     let back = await_that("it lifts again", Duration::from_secs(9), || moves(&nodes.wrist_log));
     println!("gripper killed: wrist stands after {stood:?}; back: it lifts again after {back:?}");
     sleep(Duration::from_millis(300));
-    let seen = control.seen();
-    assert!(seen.commanded_n.iter().all(|n| *n == FORCE_N) && seen.cycles_count > 50, "{:?}", seen.commanded_n.last());
+    let commanded_n = control.commanded_n();
+    assert!(commanded_n.iter().all(|n| *n == FORCE_N) && commanded_n.len() > 50, "{:?}", commanded_n.last());
     assert!(targets_n(&nodes.again_log).iter().all(|n| *n == FORCE_N), "nothing was let go");
-    assert!(matches!(control.end(), Err(ControlError::Interrupted)));
-    await_that("the wrist stands", WRIST, || !moves(&nodes.wrist_log));
-    assert_eq!(targets_n(&nodes.again_log).last(), Some(&FORCE_N), "and when the loop has ended, neither");
 }
 
 #[test]
 fn a_gripper_node_that_vanishes_pauses_the_wrist_and_keeps_the_force() {
     let domain_id = domain_id(3);
-    let nodes = Nodes::start(domain_id, &[]);
-    let mut ros = Ros::new("/", "test_control", domain_id).expect("joins");
-    let gripper = TopicGripper::new(&mut ros, "/one/gripper").expect("topics");
-    let wrist = TopicWrist::new(&mut ros, "/two/wrist").expect("topics");
-    vanish_and_return(nodes, Loop::start(gripper, wrist), domain_id, &[]);
+    let mut nodes = Nodes::start(domain_id, &[]);
+    let mut control = Loop::start(&["run", "lift"], TOPICS, domain_id);
+    vanish_and_return(&mut nodes, &control, domain_id, &[]);
+    control.process.interrupt();
+    assert_eq!(control.process.exit_code(Duration::from_secs(10)), Some(1), "interrupted");
+    await_that("the wrist stands", WRIST, || !moves(&nodes.wrist_log));
+    assert_eq!(targets_n(&nodes.again_log).last(), Some(&FORCE_N), "and when the loop has ended, neither");
 }
 
 #[test]
 fn an_action_gripper_that_vanishes_pauses_the_wrist_and_keeps_the_force() {
     let domain_id = domain_id(7);
     let action = ["--action", "/gripper_controller/gripper_cmd"];
-    let nodes = Nodes::start(domain_id, &action);
-    let mut ros = Ros::new("/", "test_action", domain_id).expect("joins");
-    let config = ActionGripperConfig {
-        action: action[1].into(),
-        joint_states: "/joint_states".into(),
-        joint: "finger_joint".into(),
-        closed_position: 0.0,
-        open_position: 0.110,
-        opening_mm: 110.0,
-        effort_is_force: true,
-    };
-    let gripper = ActionGripper::new(&mut ros, config).expect("an action");
-    let wrist = TopicWrist::new(&mut ros, "/two/wrist").expect("topics");
-    vanish_and_return(nodes, Loop::start(gripper, wrist), domain_id, &action);
+    let table = "[control]\ngripper = \"ros2+action:///gripper_controller/gripper_cmd\"\nwrist = \"ros2:///two/wrist\"\n\
+        [control.action]\njoint = \"finger_joint\"\nclosed_position = 0.0\nopen_position = 0.110\nopening_mm = 110.0\n\
+        effort_is_force = true\n";
+    let mut nodes = Nodes::start(domain_id, &action);
+    let mut control = Loop::start(&["run", "lift"], table, domain_id);
+    vanish_and_return(&mut nodes, &control, domain_id, &action);
+    nodes.kill_gripper();
+    assert_eq!(control.process.exit_code(Duration::from_secs(20)), Some(1), "gone for more than ten seconds");
+    assert!(control.waits() && !moves(&nodes.wrist_log));
+    assert_eq!(targets_n(&nodes.again_log).last(), Some(&FORCE_N));
+}
+
+#[test]
+fn hold_commands_the_gripper_alone_and_publishes_what_it_sees() {
+    let domain_id = domain_id(11);
+    let nodes = Nodes::start(domain_id, &[]);
+    let mut ros = Ros::new("/", "test_hold", domain_id).expect("joins");
+    let mut reports = ros.inbox::<SlipReport>("/slipbound/left/report", &RELIABLE).expect("a subscription");
+    let mut hands = ros.inbox::<HandReport>("/slipbound/hand/report", &RELIABLE).expect("a subscription");
+    let mut control = Loop::start(&["hold", "--for-s", "1"], TOPICS, domain_id);
+    let report = next(&mut reports, LONGEST_WAIT).expect("a report");
+    assert_eq!((report.finger.as_str(), report.header.frame_id.as_str()), ("left", "camera"));
+    assert_eq!(report.header.stamp.ns(), Some(report.time_ns));
+    assert_eq!(next(&mut hands, LONGEST_WAIT).expect("a report").health[0], "live");
+    assert_eq!(control.process.exit_code(LONGEST_WAIT), Some(0), "held to the end of its time");
+    let held: Vec<f64> = targets_n(&nodes.gripper_log).into_iter().skip_while(|n| *n != FORCE_N).collect();
+    assert!(!held.is_empty() && held.iter().all(|n| *n == FORCE_N), "and left holding");
+    let lowered = last_line(&nodes.wrist_log).expect("a log");
+    assert_eq!(lowered[2..], ["0.0000", "0.000", "false"], "the wrist was left alone");
+}
+
+/// Before any node is looked for.
+#[test]
+fn wrong_or_missing_keys_are_refused_by_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = folder.path().join("node.toml");
+    let action = "[control]\ngripper = \"ros2+action:///g\"\n[control.action]\njoint = \"j\"\nclosed_position = 0.0\n\
+        open_position = 0.0\nopening_mm = 110.0\n";
+    let gripper = "gripper = \"ros2:///one/gripper\"\n";
+    for (command, table, said) in [
+        (&["hold"][..], "", "node.toml: control: expected a table with the gripper"),
+        (&["hold"], "[control]\n", "node.toml: control.gripper: expected a value, got none"),
+        (&["hold"], "[control]\ngripper = \"wsg50://hand:1000\"\n", "control.gripper: expected ros2:///BASE"),
+        (&["hold"], "[control]\ngripper = \"ros2://one/gripper\"\n", "got `ros2://one/gripper`"),
+        (&["hold"], "[control]\ngripper = \"ros2+action:///g\"\n", "control.action: expected the joint"),
+        (&["hold"], action, "control.action.open_position: expected a finite number other than closed_position"),
+        (&["hold"], &format!("[control]\n{gripper}wrst = \"\"\n"), "`control.wrst`; did you mean `wrist`?"),
+        (&["hold"], &format!("[control]\n{gripper}max_skew_ms = 5000\n"), "control.max_skew_ms: expected at most 1000"),
+        (&["hold", "--for-s=-1"], TOPICS, "--for-s: expected 0 to 1000000 s, got -1"),
+        (&["run", "lift"], &format!("[control]\n{gripper}"), "node.toml: control.wrist: expected ros2:///BASE"),
+    ] {
+        files(folder.path(), table);
+        let (code, told) = Process::refused(&[command, &[config.to_str().expect("UTF-8")]].concat());
+        assert!(code == Some(2) && told.contains(said), "`{told}` lacks `{said}`, or {code:?} is not 2");
+    }
 }
 
 #[test]
@@ -338,21 +353,19 @@ fn a_link_that_is_cut_stops_the_wrist_and_keeps_the_force() {
     let _cuts = CUTS.lock().unwrap_or_else(PoisonError::into_inner);
     let domain_id = domain_id(6);
     let nodes = Nodes::start_by(&[], |args| Process::start_in(THERE, args, domain_id));
-    let mut ros = Ros::new("/", "test_link", domain_id).expect("joins");
-    let gripper = TopicGripper::new(&mut ros, "/one/gripper").expect("topics");
-    let wrist = TopicWrist::new(&mut ros, "/two/wrist").expect("topics");
-    let control = Loop::start(gripper, wrist);
-    await_that("it lifts", LONGEST_WAIT, || control.seen().is_lifting && moves(&nodes.wrist_log));
+    let mut control = Loop::start(&["run", "lift"], TOPICS, domain_id);
+    await_that("it lifts", LONGEST_WAIT, || moves(&nodes.wrist_log));
     set_link("down");
     let stood = await_that("the wrist stands", WRIST, || !moves(&nodes.wrist_log));
-    await_that("the loop says why", WRIST, || control.seen().fault.is_some());
+    await_that("the loop says why", WRIST, || control.waits());
     sleep(Duration::from_millis(1500));
-    assert!(control.seen().fault.is_some() && !moves(&nodes.wrist_log), "it waits");
+    assert!(control.waits() && !moves(&nodes.wrist_log), "it waits");
     set_link("up");
     let back = await_that("it lifts again", Duration::from_secs(9), || moves(&nodes.wrist_log));
     println!("link cut for 2 s: wrist stands after {stood:?}; up: it lifts again after {back:?}");
-    assert!(control.seen().commanded_n.iter().all(|n| *n == FORCE_N));
-    assert!(matches!(control.end(), Err(ControlError::Interrupted)));
+    assert!(control.commanded_n().iter().all(|n| *n == FORCE_N));
+    control.process.interrupt();
+    assert_eq!(control.process.exit_code(Duration::from_secs(10)), Some(1), "interrupted");
     let held: Vec<f64> = targets_n(&nodes.gripper_log).into_iter().skip_while(|n| *n != FORCE_N).collect();
     assert!(!held.is_empty() && held.iter().all(|n| *n == FORCE_N), "nothing was let go");
 }

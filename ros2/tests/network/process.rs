@@ -4,6 +4,7 @@ use slipbound_ros2::msg::TopicType;
 use slipbound_ros2::ros::Inbox;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 /// Longest wait for anything: discovery takes seconds on a busy computer.
@@ -31,6 +32,30 @@ impl Process {
 
     pub fn node(config: &Path, domain_id: u16) -> Self {
         Process::start(&["node", config.to_str().expect("UTF-8")], domain_id)
+    }
+
+    /// Runs a command that does not begin; its exit code and what it says.
+    pub fn refused(args: &[&str]) -> (Option<i32>, String) {
+        let done = Command::new(env!("CARGO_BIN_EXE_slipbound-ros2")).args(args).output().expect("starts");
+        (done.status.code(), String::from_utf8_lossy(&done.stderr).into_owned())
+    }
+
+    /// As Ctrl-C does.
+    pub fn interrupt(&self) {
+        let asked = Command::new("kill").args(["-INT", &self.0.id().to_string()]).status().expect("runs");
+        assert!(asked.success());
+    }
+
+    /// Waits for its end.
+    pub fn exit_code(&mut self, longest: Duration) -> Option<i32> {
+        let until = Instant::now() + longest;
+        loop {
+            if let Some(status) = self.0.try_wait().expect("known") {
+                return status.code();
+            }
+            assert!(Instant::now() < until, "it has not ended within {longest:?}");
+            sleep(Duration::from_millis(10));
+        }
     }
 
     /// Whether it has ended by itself, successfully.
@@ -61,9 +86,9 @@ pub fn next<M: TopicType>(inbox: &mut Inbox<M>, longest: Duration) -> Option<M> 
     }
 }
 
-/// A separate domain for every test process and every test, so that none receives another's data: 1 to 88, whose ports
+/// A separate domain for every test process and every test, so that none receives another's data: 1 to 84, whose ports
 /// lie below the ephemeral ports.
 pub fn domain_id(test: u16) -> u16 {
-    assert!(test < 11, "a test of a number that is taken");
-    1 + (std::process::id() % 8) as u16 * 11 + test
+    assert!(test < 12, "a test of a number that is taken");
+    1 + (std::process::id() % 7) as u16 * 12 + test
 }

@@ -1,0 +1,299 @@
+//! `slipbound-ros2 hold` and `slipbound-ros2 run`: the library's control loop with a gripper and a wrist that are nodes.
+
+use super::Done;
+use slipbound::control::{ControlLoop, Cycle, CycleObserver, CycleView};
+use slipbound::image::SizePx;
+use slipbound::port::Next;
+use slipbound::setting::SettingError;
+use slipbound::task::{Ending, Phase, TaskKind, TaskSettings};
+use slipbound_rig::config::Error as ConfigError;
+use slipbound_rig::link::now_ns;
+use slipbound_rig::realtime::{self, Finished, FramesDue, MonitorWorkers, QueuedObserver};
+use slipbound_rig::run::{self, FingerInfo, Row, RunInfo, RunNotes, RunRecorder};
+use slipbound_ros2::config::{self, Config, Control, GripperAddress};
+use slipbound_ros2::error::Error;
+use slipbound_ros2::ros_hand::RosHand;
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::sync::PoisonError;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+/// The duration given to an endless hold, ns: eleven days.
+const WITHOUT_END_NS: u64 = 1_000_000_000_000_000;
+
+/// Cycles that may wait for the network, the disk or the terminal: four seconds at 30 Hz.
+const QUEUE_DEPTH_COUNT: usize = 128;
+
+/// Longest wait at the end for the disk, and for network and terminal, to take the queue.
+const LONGEST_DISK: Duration = Duration::from_secs(10);
+const LONGEST_OTHERS: Duration = Duration::from_secs(1);
+
+/// Least change of the commanded force that is printed, N.
+const SHOWN_STEP_N: f64 = 4.5;
+
+/// The arguments of both commands.
+#[derive(Debug, clap::Args)]
+struct Files {
+    /// Parameters: ros2/example.toml has them all. The table [control] names gripper, wrist and controller
+    #[arg(value_name = "FILE.toml")]
+    config: PathBuf,
+    /// The folder of the run: new or empty [default: slipbound-run, or with the next free number]
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+}
+
+/// The arguments of `slipbound-ros2 hold`.
+#[derive(Debug, clap::Args)]
+pub struct Hold {
+    #[command(flatten)]
+    files: Files,
+    /// Duration in seconds [default: until Ctrl-C]
+    #[arg(long, value_name = "SECONDS")]
+    for_s: Option<f64>,
+}
+
+/// The arguments of `slipbound-ros2 run`.
+#[derive(Debug, clap::Args)]
+pub struct Run {
+    /// The task
+    #[arg(value_parser = TaskKind::NAMES)]
+    task: String,
+    #[command(flatten)]
+    files: Files,
+}
+
+/// What is done with the hand.
+struct Work<'a> {
+    /// What the run is called.
+    name: &'a str,
+    task: TaskKind,
+    settings: TaskSettings,
+    /// Base name of the wrist's topics; None where it is left alone.
+    wrist: Option<&'a str>,
+}
+
+impl Hold {
+    /// Takes hold, and holds.
+    pub fn run(&self, stop: &AtomicBool) -> Done {
+        let (config, control) = self.files.load()?;
+        let mut settings = control.settings;
+        settings.lift.lift_mm = 0.0;
+        settings.lift.hold_ns = match self.for_s {
+            None => WITHOUT_END_NS,
+            Some(s) if (0.0..=1e6).contains(&s) => (s * 1e9) as u64,
+            Some(s) => return Err(wrong("--for-s", "0 to 1000000 s", s).into()),
+        };
+        self.files.run(&config, &control, Work { name: "hold", task: TaskKind::Lift, settings, wrist: None }, stop)
+    }
+}
+
+impl Run {
+    /// Runs the task to its end.
+    pub fn run(&self, stop: &AtomicBool) -> Done {
+        let (config, control) = self.files.load()?;
+        let task: TaskKind = self.task.parse().map_err(Error::from)?;
+        let wrist = control.wrist.as_deref();
+        let wrist = wrist.ok_or_else(|| self.files.missing("control.wrist", "ros2:///BASE of its topics"))?;
+        let work = Work { name: task.name(), task, settings: control.settings, wrist: Some(wrist) };
+        self.files.run(&config, &control, work, stop)
+    }
+}
+
+fn wrong(key: &str, expected: &str, got: impl ToString) -> Error {
+    SettingError { key: key.into(), expected: expected.into(), got: got.to_string() }.into()
+}
+
+impl Files {
+    fn load(&self) -> Result<(Config, Control), Error> {
+        let domain_id = std::env::var("ROS_DOMAIN_ID").ok();
+        let config = config::load(&self.config, domain_id.as_deref())?;
+        let control = config.control.clone();
+        let expected = "a table with the gripper: what is to be commanded has to be named";
+        control.map(|control| (config, control)).ok_or_else(|| self.missing("control", expected))
+    }
+
+    fn missing(&self, key: &str, expected: &str) -> Error {
+        let source = SettingError { key: key.into(), expected: expected.into(), got: "none".into() };
+        ConfigError::OutOfRange { file: self.config.display().to_string(), source }.into()
+    }
+
+    /// Does this work to its end. Everything is checked before the network is joined, and nothing is commanded before the
+    /// nodes of gripper and wrist are there.
+    fn run(&self, config: &Config, control: &Control, work: Work<'_>, stop: &AtomicBool) -> Done {
+        let Work { name, task, settings, wrist } = work;
+        let sensors: Vec<_> = config.fingers.iter().map(|finger| &finger.finger.sensor).collect();
+        for sensor in &sensors {
+            settings.check_finger(task, sensor).map_err(Error::from)?;
+        }
+        let stiffness = sensors.first().and_then(|sensor| sensor.shear_stiffness_mpa_per_mm());
+        let task_steps = settings.task(task, stiffness).map_err(Error::from)?;
+        let folder = self.output.clone().unwrap_or_else(|| run::free_folder("slipbound-run"));
+        run::refuse_used_folder(&folder).map_err(Error::from)?;
+
+        let mut hand = RosHand::join(config, control, wrist)?;
+        let fingers = std::mem::take(&mut hand.fingers);
+        let topics: Vec<&str> = config.fingers.iter().map(|finger| finger.image_topic.as_str()).collect();
+        let info = RunInfo {
+            name: name.into(),
+            task,
+            source: topics.join(", "),
+            seed: 0,
+            task_settings: settings,
+            monitor_settings: config.settings.clone(),
+            notes: notes(control, wrist),
+            fingers: fingers.iter().map(FingerInfo::of).collect(),
+        };
+        let control_loop = ControlLoop::new(fingers, task_steps).map_err(Error::from)?;
+        say(&format!("{name}: waits for its gripper in domain {}; Ctrl-C ends it", config.domain_id));
+        hand.await_devices(stop)?;
+        let recorder = RunRecorder::create(&folder, &info, false).map_err(Error::from)?.limited(control.limits);
+        run_cycles(control_loop.with_runner(Box::new(MonitorWorkers::new())), hand, recorder, control, stop)
+    }
+}
+
+/// Further conditions of the run.
+fn notes(control: &Control, wrist: Option<&str>) -> toml::Table {
+    let gripper = match &control.gripper {
+        GripperAddress::Topics(base) => format!("ros2://{base}"),
+        GripperAddress::Action(action) => format!("ros2+action://{}", action.action),
+    };
+    let wrist = wrist.map(|base| ("wrist".into(), format!("ros2://{base}").into()));
+    [("gripper".into(), gripper.into())].into_iter().chain(wrist).collect()
+}
+
+/// Runs the cycles to their end, writes the page, and decides whether the work was done.
+fn run_cycles(
+    mut control_loop: ControlLoop,
+    hand: RosHand,
+    recorder: RunRecorder,
+    control: &Control,
+    stop: &AtomicBool,
+) -> Done {
+    let RosHand { mut gripper, mut wrist, arrivals, reports, overlays, counters, .. } = hand;
+    let mut due = FramesDue::new(arrivals, control.limits.max_skew_ns);
+    let console = Console { notes: RunNotes::new(control.limits), last: None };
+    let mut observer = (
+        (
+            QueuedObserver::reporting_losses(recorder, QUEUE_DEPTH_COUNT, false, RunRecorder::lost_cycles),
+            QueuedObserver::new(console, QUEUE_DEPTH_COUNT, false),
+        ),
+        ((QueuedObserver::new(reports, QUEUE_DEPTH_COUNT, false), overlays), Score::default()),
+    );
+    let ran = realtime::run(
+        &mut control_loop,
+        gripper.as_mut(),
+        wrist.as_mut(),
+        stop,
+        &mut || due.is_due(now_ns()),
+        &mut observer,
+    );
+    let held_n = gripper.poll().ok().and_then(|state| state.pressed_n());
+    let ((recorder, console), ((reports, _), score)) = observer;
+    console.finish(LONGEST_OTHERS);
+    reports.finish(LONGEST_OTHERS);
+    let Finished { observer: recorder, lost_count } = recorder.finish(LONGEST_DISK);
+    let ending = score.ending.filter(|ending| ran.is_ok() || *ending != Ending::Held);
+    let mut lost = Vec::new();
+    let torn_count: u64 =
+        counters.iter().map(|counters| counters.lock().unwrap_or_else(PoisonError::into_inner).torn_count).sum();
+    if torn_count + score.other_size_count > 0 {
+        lost.push(format!("{torn_count} images were torn, {} of another size than the first", score.other_size_count));
+    }
+    if lost_count > 0 {
+        lost.push(format!("{lost_count} cycles were not written: the disk did not keep up"));
+    }
+    let row = |name: &str, value: String| Row { name: name.into(), value, ..Row::default() };
+    let unfinished = || ran.as_ref().err().map_or("not before the end of the source".into(), ToString::to_string);
+    let rows = [
+        row("ended", ending.map_or_else(unfinished, |ending| ending.name().into())),
+        row("alarms", score.alarms_count.to_string()),
+        row("largest force commanded", format!("{:.1} N", score.most_n)),
+        row("grip at the end", held_n.map_or("unknown".into(), |n| format!("{n:.1} N per finger"))),
+    ];
+    rows.iter().for_each(|row| say(&format!("  {:<28}{}", row.name, row.value)));
+    match recorder {
+        None => lost.push("report.html was not written: the disk did not answer".into()),
+        Some(mut recorder) => {
+            if let Err(e) = &ran {
+                recorder.note(now_ns(), &e.to_string());
+            }
+            if let (count @ 1.., Some(first)) = recorder.failures() {
+                lost.push(format!("{count} times something could not be written, the first: {first}"));
+            }
+            match recorder.finish(&rows, ending) {
+                Ok(page) => say(&format!("report: {}", page.display())),
+                Err(e) => lost.push(e.to_string()),
+            }
+        }
+    }
+    ran?;
+    match ending {
+        Some(ending) if ending.is_success() => {}
+        Some(ending) => return Err(ending.evidence().into()),
+        None => return Err("the images ended before the task did".into()),
+    }
+    match lost.is_empty() {
+        true => Ok(()),
+        false => Err(Error::DataLost(lost.join("; ")).into()),
+    }
+}
+
+/// What a run comes to.
+#[derive(Default)]
+struct Score {
+    ending: Option<Ending>,
+    alarms_count: u32,
+    most_n: f64,
+    /// The size of every finger's first image, and how many had another one.
+    first_sizes: Vec<Option<SizePx>>,
+    other_size_count: u64,
+}
+
+impl CycleObserver for Score {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        self.first_sizes.resize(view.fingers.len(), None);
+        for (finger, first) in view.fingers.iter().zip(&mut self.first_sizes) {
+            let is_other = *finger.next == Next::Frame && *first.get_or_insert(finger.frame.size) != finger.frame.size;
+            self.other_size_count += u64::from(is_other);
+        }
+        let Some(cycle) = view.cycle() else { return };
+        if let Phase::Ended(ending) = cycle.phase {
+            self.ending = Some(ending);
+        }
+        self.alarms_count = cycle.alarms_count;
+        self.most_n = cycle.grip_command.force_n().map_or(self.most_n, |n| n.max(self.most_n));
+    }
+}
+
+/// Prints a line where something happened.
+struct Console {
+    notes: RunNotes,
+    last: Option<Cycle>,
+}
+
+impl CycleObserver for Console {
+    fn after_cycle(&mut self, view: &CycleView<'_>) {
+        let mut lines = self.notes.see(view);
+        if let Some(cycle) = view.cycle() {
+            let last = self.last.replace(cycle);
+            if last.map_or(0, |last| last.slips_count) < cycle.slips_count {
+                let force_n = cycle.gripper.pressed_n().unwrap_or(0.0);
+                lines.push(format!("slip {} at {force_n:.1} N", cycle.slips_count));
+            }
+            let commanded_n = last.and_then(|last| last.grip_command.force_n()).zip(cycle.grip_command.force_n());
+            if let Some((_, to_n)) = commanded_n.filter(|(from_n, to_n)| (from_n - to_n).abs() >= SHOWN_STEP_N) {
+                lines.push(format!("grip to {to_n:.1} N"));
+            }
+            if let Phase::Ended(ending) = cycle.phase {
+                lines.push(ending.evidence().into());
+            }
+        }
+        lines.iter().for_each(|line| say(&format!("{:6.2} s  {line}", view.now_ns as f64 * 1e-9)));
+    }
+}
+
+/// A line for the user; a terminal that is gone does not end the run, everything is in the folder.
+fn say(line: &str) {
+    let _ = writeln!(std::io::stdout(), "{line}");
+}
