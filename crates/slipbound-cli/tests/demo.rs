@@ -32,6 +32,9 @@ fn a_cap_is_opened_and_the_recording_gives_the_same_commands_bit_for_bit() {
     for file in ["run.toml", "events.jsonl", "reports.jsonl", "report.html", "frames.jsonl", "slip_001_left.png"] {
         assert!(run.join(file).exists(), "{file}");
     }
+    let page = fs::read_to_string(run.join("report.html")).expect("a page");
+    let card = page.split("<article id=\"slip-1\">").nth(1).and_then(|card| card.split("</article>").next());
+    assert!(card.is_some_and(|card| card.contains(" N measured<") && card.contains("commanded from now on: ")));
     let path = run.to_str().expect("UTF-8");
     let again = slipbound(&["replay", path]);
     assert!(again.status.success(), "{}", printed(&again));

@@ -89,8 +89,8 @@ impl RunRecorder {
             return Ok(());
         }
         let force = match cycle.grip_command.force_n() {
-            Some(force_n) => format!("at a commanded grip of {force_n:.1} N"),
-            None => "with the grip released".into(),
+            Some(force_n) => format!("commanded from now on: {force_n:.1} N"),
+            None => "the grip is released now".into(),
         };
         for (finger, overlay) in view.fingers.iter().zip(&mut self.overlays) {
             let (Some(monitor), Some(report)) = (finger.monitor, finger.report) else { continue };

@@ -96,19 +96,27 @@ fn a_slip_is_over_when_it_is_quiet_however_often_it_is_answered() {
 
 #[test]
 fn a_slip_is_at_the_force_before_its_answer_also_where_the_gripper_measures_none() {
-    let mut cycles = screw::cycles();
-    for i in 1..cycles.len() {
-        cycles[i].gripper.force_n = None;
-        cycles[i].gripper.target_n = cycles[i - 1].grip_command.force_n();
+    for (measures, tells_target) in [(true, true), (false, true), (false, false)] {
+        let mut cycles = screw::cycles();
+        for i in 1..cycles.len() {
+            let commanded_n = cycles[i - 1].grip_command.force_n();
+            cycles[i].gripper.force_n = commanded_n.filter(|_| measures);
+            cycles[i].gripper.target_n = commanded_n.filter(|_| tells_target);
+        }
+        let at = screw::SLIPS[1] as usize;
+        let before_n = cycles[at - 1].grip_command.force_n();
+        cycles[at].grip_command = GripCommand::Hold { force_n: 57.0 }; // answered at once
+        let folder = tempfile::tempdir().expect("a folder");
+        let page = written(folder.path(), &screw::info(), &cycles).finish(&[], None).expect("finishes");
+        let told = events(folder.path()).into_iter().find_map(|e| match e.event {
+            Event::SlipBegins { slip: 2, force_n, force_measured, .. } => Some((force_n, force_measured)),
+            _ => None,
+        });
+        assert_eq!(told, Some((before_n, Some(measures))), "measures {measures}, tells its target {tells_target}");
+        let html = std::fs::read_to_string(page).expect("reads");
+        let card = html.split("<article id=\"slip-2\">").nth(1).and_then(|card| card.split("</h3>").next());
+        let kind = if measures { "measured" } else { "commanded" };
+        let expected = format!("at {:.1} N {kind}", before_n.expect("held"));
+        assert!(card.is_some_and(|card| card.contains(&expected)), "{expected}: {card:?}");
     }
-    let at = screw::SLIPS[1] as usize;
-    let before_n = cycles[at - 1].grip_command.force_n();
-    cycles[at].grip_command = GripCommand::Hold { force_n: 57.0 }; // answered at once
-    let folder = tempfile::tempdir().expect("a folder");
-    written(folder.path(), &screw::info(), &cycles).finish(&[], None).expect("finishes");
-    let told = events(folder.path()).into_iter().find_map(|e| match e.event {
-        Event::SlipBegins { slip: 2, force_n, .. } => Some(force_n),
-        _ => None,
-    });
-    assert_eq!(told, Some(before_n));
 }
