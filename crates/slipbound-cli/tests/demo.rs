@@ -89,6 +89,7 @@ fn a_hand_that_goes_blind_holds_on_and_stands_still() {
         let run = folder.path().join("run");
         let output = demo(&run, &["--set", "mu=0.6", "--set", "longest_s=3", "--fault", fault]);
         assert!(output.status.success(), "{fault}: {}", printed(&output));
+        assert!(printed(&output).contains("time until it broke off"), "{fault}: {}", printed(&output));
         let cycles = cycles(&run);
         let after = |c: &&Value| c["time_ns"].as_u64().expect("a time") > 1_800_000_000;
         let held: Vec<f64> = cycles.iter().filter(|c| c["phase"]["phase"] != "grasping").map(force_n).collect();

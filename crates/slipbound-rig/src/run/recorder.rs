@@ -63,6 +63,12 @@ impl RunRecorder {
         self.lost_count += count;
     }
 
+    /// No cycle is to follow; see [`RunFolder::end_cycles`].
+    pub fn end_cycles(&mut self) {
+        let written = self.folder.end_cycles();
+        self.count(written);
+    }
+
     /// Lines and images that could not be written, and the first reason.
     pub fn failures(&self) -> (u64, Option<&Error>) {
         (self.failed_count, self.first_failure.as_ref())

@@ -5,7 +5,7 @@ use slipbound::control::{Cycle, CycleOutcome, CycleView, Fault, FaultKind};
 use slipbound::monitor::SlipState;
 use slipbound::port::GripCommand;
 use slipbound::task::{Ending, Phase};
-use slipbound_rig::run::{Event, RunNotes};
+use slipbound_rig::run::{Event, RunNotes, TimedEvent};
 
 #[test]
 fn events_tell_what_happened() {
@@ -92,6 +92,22 @@ fn a_slip_is_over_when_it_is_quiet_however_often_it_is_answered() {
         let got: Vec<(u64, u64)> = begins.iter().copied().zip(ends.iter().copied()).collect();
         assert_eq!((got, begins.len()), (expected, ends.len()), "{course}");
     }
+}
+
+#[test]
+fn a_slip_of_the_last_cycle_is_over_before_what_is_noted_after_it() {
+    let cycles = &screw::cycles()[..=screw::SLIPS[1] as usize];
+    let last_ns = cycles[cycles.len() - 1].time_ns;
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut run = written(folder.path(), &screw::info(), cycles);
+    run.end_cycles().expect("writes");
+    run.note(last_ns + 40_000_000, "left: 84 frames").expect("writes");
+    run.finish(&screw::results(), None).expect("finishes");
+    let events = events(folder.path());
+    assert!(events.is_sorted_by_key(|e| e.time_ns), "{events:?}");
+    let after = events.iter().skip_while(|e| !matches!(e.event, Event::SlipBegins { slip: 2, .. }));
+    let ends: Vec<_> = after.filter(|e| matches!(e.event, Event::SlipEnds { .. })).collect();
+    assert!(matches!(ends[..], [TimedEvent { event: Event::SlipEnds { slip: 2, .. }, .. }]), "{ends:?}");
 }
 
 #[test]
