@@ -191,13 +191,18 @@ fn a_picture_that_stands_upright_is_asked_about() {
     let encoder = jpeg_encoder::Encoder::new(&mut jpeg, 80);
     encoder.encode(&[128; 320 * 427], 320, 427, jpeg_encoder::ColorType::Luma).expect("encodes");
     fs::write(folder.path().join("a.jpg"), jpeg).expect("written");
-    for args in [&["watch", "a.jpg"][..], &["watch", "a.jpg", "--sensor", "gelslim"]] {
-        let done = slipbound_in(folder.path(), args);
-        assert!(
-            done.status.code() == Some(2) && printed(&done).contains("turned by 90 degrees?"),
-            "{}",
-            printed(&done)
-        );
+    let gelslim = ["--sensor", "gelslim"];
+    for (command, code) in [
+        (&["watch", "a.jpg"][..], 2),
+        (&[&["watch", "a.jpg"], &gelslim[..]].concat(), 2),
+        (&["watch", "sim:press", "--rest", "a.jpg"], 2),
+        (&[&["hold", "a.jpg", "--gripper", "dry", "-o", "run"], &gelslim[..]].concat(), 1),
+        (&[&["doctor", "a.jpg"], &gelslim[..]].concat(), 1),
+    ] {
+        let done = slipbound_in(folder.path(), command);
+        let told = printed(&done);
+        assert!(done.status.code() == Some(code) && told.contains("turned by 90 degrees?"), "{command:?}: {told}");
+        assert!(!told.contains("belong to this finger"), "{command:?}: {told}");
     }
 }
 
