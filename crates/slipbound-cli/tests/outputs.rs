@@ -65,6 +65,7 @@ fn a_name_that_promises_another_format_is_refused() {
         (&["watch", "sim:press", "--overlay", "x.MP4"], "--overlay x.MP4: expected a folder for pictures, or FILE.avi"),
         (&["watch", "sim:press", "--record", "x.bag"], "--record x.bag: expected a FILE.mcap"),
         (&["watch", "sim:press", "--csv", "-"], "--csv -: expected the name of a file"),
+        (&["watch", "sim:press", "--timings", "x.csv"], "--timings x.csv: expected a file of JSON lines"),
         (&["watch", "sim:press", "--timings", "-"], "--timings -: expected the name of a file"),
         (&["convert", "a.bmp", "-o", "-"], "--output -: expected the name of a file or folder"),
         (&["man", "-o", "-"], "--output -: expected the name of a folder"),
