@@ -73,6 +73,8 @@ fn a_name_that_promises_another_format_is_refused() {
         (&["watch", "a.bmp"], "a.bmp: expected images (.jpg, .jpeg, .png), got 1 .bmp file"),
         (&["watch", "."], ".: expected images (.jpg, .jpeg, .png), got 1 .bmp file"),
         (&["watch", "sim:rmp"], "did you mean ramp?"),
+        (&["trials", "--controller", "clairvoyan"], "did you mean clairvoyant?"),
+        (&["demo", "--emulated", "wsg5"], "did you mean wsg50?"),
         (&["scenes", "rol"], "did you mean roll?"),
         (&["sensors", "gelslm"], "did you mean `gelslim`?"),
     ] {
