@@ -4,6 +4,7 @@
 use anyhow::{Context, anyhow};
 use slipbound::plant::Plant;
 use slipbound::port::{Gripper, Wrist};
+use slipbound::setting::nearest;
 use slipbound_lab::hand::{SimHand, SimPlant};
 use slipbound_lab::lockstep::Actuators;
 use slipbound_rig::emulator::{self, Emulator, Faults, LockstepPair, OnlyMoved};
@@ -29,7 +30,9 @@ impl FromStr for EmulatedGripper {
         let (name, query) = text.split_once('?').unwrap_or((text, ""));
         if !emulator::NAMES.contains(&name) {
             let names = emulator::NAMES.join(", ");
-            return Err(format!("expected one of {names}, with ?KEY=VALUE as wanted, got `{text}`"));
+            let meant =
+                nearest(name, &emulator::NAMES).map_or_else(String::new, |name| format!(" (did you mean {name}?)"));
+            return Err(format!("expected one of {names}, with ?KEY=VALUE as wanted, got `{text}`{meant}"));
         }
         Ok(EmulatedGripper { name: name.into(), query: query.into() })
     }

@@ -83,6 +83,13 @@ impl RunOutput {
         RunOutput { parts: Parts { recorder, container, annotations, console: console.limited(limits) }, ..self }
     }
 
+    /// No cycle is to follow, only notes and the results.
+    pub fn end_cycles(&mut self) {
+        if let Some(recorder) = &mut self.parts.recorder {
+            recorder.end_cycles();
+        }
+    }
+
     /// A note that no cycle shows.
     pub fn note(&mut self, now_ns: u64, text: &str) {
         if let Some(recorder) = &mut self.parts.recorder {
@@ -173,6 +180,8 @@ impl QueuedOutput {
         let console = console.with_timeout(LONGEST_TERMINAL);
         let lost_count = lost_count + in_container;
         let parts = Parts { recorder, container: None, annotations: None, console };
-        RunOutput { parts, lost_count, lost: Vec::new() }
+        let mut output = RunOutput { parts, lost_count, lost: Vec::new() };
+        output.end_cycles();
+        output
     }
 }

@@ -32,6 +32,9 @@ fn a_cap_is_opened_and_the_recording_gives_the_same_commands_bit_for_bit() {
     for file in ["run.toml", "events.jsonl", "reports.jsonl", "report.html", "frames.jsonl", "slip_001_left.png"] {
         assert!(run.join(file).exists(), "{file}");
     }
+    let page = fs::read_to_string(run.join("report.html")).expect("a page");
+    let card = page.split("<article id=\"slip-1\">").nth(1).and_then(|card| card.split("</article>").next());
+    assert!(card.is_some_and(|card| card.contains(" N measured<") && card.contains("commanded from now on: ")));
     let path = run.to_str().expect("UTF-8");
     let again = slipbound(&["replay", path]);
     assert!(again.status.success(), "{}", printed(&again));
@@ -86,6 +89,7 @@ fn a_hand_that_goes_blind_holds_on_and_stands_still() {
         let run = folder.path().join("run");
         let output = demo(&run, &["--set", "mu=0.6", "--set", "longest_s=3", "--fault", fault]);
         assert!(output.status.success(), "{fault}: {}", printed(&output));
+        assert!(printed(&output).contains("time until it broke off"), "{fault}: {}", printed(&output));
         let cycles = cycles(&run);
         let after = |c: &&Value| c["time_ns"].as_u64().expect("a time") > 1_800_000_000;
         let held: Vec<f64> = cycles.iter().filter(|c| c["phase"]["phase"] != "grasping").map(force_n).collect();

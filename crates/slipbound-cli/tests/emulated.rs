@@ -286,6 +286,18 @@ fn seen(scratch: &Path) -> (String, String) {
     (text("left"), text("left.sensor.toml"))
 }
 
+/// Terminal and page have one duration, and no event is older than the one before.
+fn check_times(output: &Output, run: &Path) {
+    let page = fs::read_to_string(run.join("report.html")).expect("a page");
+    let fact = page.split("<ul class=\"facts\">\n<li><b>").nth(1).and_then(|rest| rest.split_once("</li>"));
+    let (lasted, until) = fact.and_then(|(fact, _)| fact.split_once("</b> ")).expect("a duration");
+    let row = format!("  {:<28}{lasted}", format!("time {until}"));
+    assert!(printed(output).contains(&row), "expected `{row}` in {}", printed(output));
+    let events = fs::read_to_string(run.join("events.jsonl")).expect("events");
+    let time_ns = |line: &str| serde_json::from_str::<serde_json::Value>(line).expect("JSON")["time_ns"].as_u64();
+    assert!(events.lines().map(time_ns).is_sorted(), "{events}");
+}
+
 #[test]
 fn a_task_that_outlives_its_source_has_failed_and_a_hold_has_not() {
     let scratch = tempfile::tempdir().expect("a folder");
@@ -298,6 +310,7 @@ fn a_task_that_outlives_its_source_has_failed_and_a_hold_has_not() {
     assert!(printed(&output).contains("the source ended before the task did: lift was still "), "{}", printed(&output));
     let output = slipbound(&[&["hold"], &common[..], &["-o", &hold]].concat());
     assert!(output.status.success(), "{}", printed(&output));
+    check_times(&output, Path::new(&hold));
     let frames_count = fs::read_dir(&left).expect("a folder").count();
     assert!(printed(&output).contains(&format!("left: {frames_count} frames, 0 torn\n")), "{}", printed(&output));
 

@@ -113,6 +113,19 @@ fn flat(table: &toml::Table, path: &str, into: &mut BTreeMap<String, String>) {
 }
 
 #[test]
+fn the_page_names_the_groups_that_the_udev_rules_give_access() {
+    let page = include_str!("../../../docs/install.md");
+    let rules = include_str!("../../../packaging/60-slipbound.rules");
+    let groups = rules.lines().filter(|rule| !rule.starts_with('#')).map(|rule| {
+        let devices = if rule.contains("\"video4linux\"") { "cameras" } else { "USB serial lines" };
+        let group = rule.split("GROUP=\"").nth(1).and_then(|rest| rest.split('"').next()).expect("a group");
+        format!("`{group}` ({devices})")
+    });
+    let missing: Vec<String> = groups.filter(|words| !page.replace('\n', " ").contains(words)).collect();
+    assert!(missing.is_empty(), "{missing:?}");
+}
+
+#[test]
 fn every_setting_stands_in_the_docs_with_its_default() {
     let mut settings = BTreeMap::from([("grip.blind_force_n".to_owned(), "-".to_owned())]); // not set by default
     for text in [settings_to_toml(&Settings::default()), task_settings_to_toml(&TaskSettings::default())] {

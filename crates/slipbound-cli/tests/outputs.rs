@@ -65,6 +65,7 @@ fn a_name_that_promises_another_format_is_refused() {
         (&["watch", "sim:press", "--overlay", "x.MP4"], "--overlay x.MP4: expected a folder for pictures, or FILE.avi"),
         (&["watch", "sim:press", "--record", "x.bag"], "--record x.bag: expected a FILE.mcap"),
         (&["watch", "sim:press", "--csv", "-"], "--csv -: expected the name of a file"),
+        (&["watch", "sim:press", "--timings", "x.csv"], "--timings x.csv: expected a file of JSON lines"),
         (&["watch", "sim:press", "--timings", "-"], "--timings -: expected the name of a file"),
         (&["convert", "a.bmp", "-o", "-"], "--output -: expected the name of a file or folder"),
         (&["man", "-o", "-"], "--output -: expected the name of a folder"),
@@ -72,6 +73,8 @@ fn a_name_that_promises_another_format_is_refused() {
         (&["watch", "a.bmp"], "a.bmp: expected images (.jpg, .jpeg, .png), got 1 .bmp file"),
         (&["watch", "."], ".: expected images (.jpg, .jpeg, .png), got 1 .bmp file"),
         (&["watch", "sim:rmp"], "did you mean ramp?"),
+        (&["trials", "--controller", "clairvoyan"], "did you mean clairvoyant?"),
+        (&["demo", "--emulated", "wsg5"], "did you mean wsg50?"),
         (&["scenes", "rol"], "did you mean roll?"),
         (&["sensors", "gelslm"], "did you mean `gelslim`?"),
     ] {
@@ -191,13 +194,18 @@ fn a_picture_that_stands_upright_is_asked_about() {
     let encoder = jpeg_encoder::Encoder::new(&mut jpeg, 80);
     encoder.encode(&[128; 320 * 427], 320, 427, jpeg_encoder::ColorType::Luma).expect("encodes");
     fs::write(folder.path().join("a.jpg"), jpeg).expect("written");
-    for args in [&["watch", "a.jpg"][..], &["watch", "a.jpg", "--sensor", "gelslim"]] {
-        let done = slipbound_in(folder.path(), args);
-        assert!(
-            done.status.code() == Some(2) && printed(&done).contains("turned by 90 degrees?"),
-            "{}",
-            printed(&done)
-        );
+    let gelslim = ["--sensor", "gelslim"];
+    for (command, code) in [
+        (&["watch", "a.jpg"][..], 2),
+        (&[&["watch", "a.jpg"], &gelslim[..]].concat(), 2),
+        (&["watch", "sim:press", "--rest", "a.jpg"], 2),
+        (&[&["hold", "a.jpg", "--gripper", "dry", "-o", "run"], &gelslim[..]].concat(), 1),
+        (&[&["doctor", "a.jpg"], &gelslim[..]].concat(), 1),
+    ] {
+        let done = slipbound_in(folder.path(), command);
+        let told = printed(&done);
+        assert!(done.status.code() == Some(code) && told.contains("turned by 90 degrees?"), "{command:?}: {told}");
+        assert!(!told.contains("belong to this finger"), "{command:?}: {told}");
     }
 }
 

@@ -41,9 +41,9 @@ impl FromStr for Controls {
     fn from_str(name: &str) -> Result<Self, SettingError> {
         match name {
             CLAIRVOYANT => Ok(Controls::Clairvoyant),
-            name => name.parse().map(Controls::Feeling).map_err(|error: SettingError| SettingError {
-                expected: format!("{} or {CLAIRVOYANT}", error.expected),
-                ..error
+            name => name.parse().map(Controls::Feeling).map_err(|error: SettingError| {
+                let names: Vec<&str> = ControllerKind::NAMES.into_iter().chain([CLAIRVOYANT]).collect();
+                SettingError::none_of(&error.key, name, &names)
             }),
         }
     }

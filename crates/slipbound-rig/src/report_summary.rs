@@ -69,8 +69,7 @@ impl ReportSummary {
                     Some(SlipKind::Both) => ", translation and rotation",
                     None => "",
                 };
-                let towards =
-                    direction_rad.map_or_else(String::new, |d| format!(", towards {:.0} deg", d.to_degrees()));
+                let towards = direction_rad.map_or_else(String::new, |d| format!(", towards {} deg", whole_degrees(d)));
                 format!("frame {seq}{}: slip {slip} begins{how}{towards}", at(time_ns))
             }
             SlipEvent::Ends { slip, seq, time_ns, frames_count, ongoing } => {
@@ -122,6 +121,11 @@ impl ReportSummary {
     pub fn other_size_count(&self) -> u64 {
         self.other_size_count
     }
+}
+
+/// A direction in whole degrees; a zero has no sign.
+pub(crate) fn whole_degrees(rad: f64) -> f64 {
+    rad.to_degrees().round() + 0.0
 }
 
 /// A torn frame and why, in words.

@@ -13,8 +13,8 @@ use slipbound::task::{ControllerKind, Observation, TaskKind, TaskSettings};
 fn main() -> Result<(), SettingError> {
     // Start from the default settings; invalid ones are rejected when the task is made.
     let limits = GripLimits::default().with_forces_n(8.0, 5.0, 30.0);
-    let mut settings = TaskSettings::default().with_controller(ControllerKind::OnSlip).with_grip(limits);
-    settings.lift.hold_ns = 1_000_000_000;
+    let settings = TaskSettings::default().with_controller(ControllerKind::OnSlip).with_grip(limits);
+    let settings = settings.with(|s| s.lift.hold_ns = 1_000_000_000);
     let mut task = settings.task(TaskKind::Lift, None)?;
 
     let mut hand = Hand::new(&[Mounting::on(Side::Left)])?;

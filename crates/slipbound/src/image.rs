@@ -61,6 +61,11 @@ impl SizePx {
     pub const fn area(self) -> usize {
         self.width * self.height
     }
+
+    /// Whether one of the two stands upright and the other does not: turned by 90 degrees they might be the same.
+    pub fn is_turned_from(self, other: SizePx) -> bool {
+        self.width != self.height && self.width.cmp(&self.height) == other.height.cmp(&other.width)
+    }
 }
 
 impl From<[usize; 2]> for SizePx {

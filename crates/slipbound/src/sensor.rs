@@ -241,9 +241,11 @@ impl Sensor {
         let scale = size.width as f64 / self.image_px.width as f64;
         // 427x320 is 4 to 3, rounded to whole pixels: the rounding error grows with the scale.
         if (self.image_px.height as f64 * scale - size.height as f64).abs() > scale.max(1.0) {
+            let turned = size.is_turned_from(self.image_px);
+            let hint = if turned { "; are the images turned by 90 degrees?" } else { "" };
             return Err(SettingError {
                 key: "image_px".into(),
-                got: format!("frames of {size}"),
+                got: format!("frames of {size}{hint}"),
                 expected: format!("{} or the same shape at another scale", self.image_px),
             });
         }
@@ -390,6 +392,13 @@ pub(crate) mod tests {
             error.to_string(),
             "image_px: expected 320x240 or the same shape at another scale, got frames of 640x640"
         );
+        let turned = |size: SizePx, frames: SizePx| {
+            let sensor = Sensor { image_px: size, rectification: None, defects_px: Vec::new(), ..smooth() };
+            let error = sensor.at_size(frames).expect_err("another shape").to_string();
+            error.ends_with(&format!("got frames of {frames}; are the images turned by 90 degrees?"))
+        };
+        let (wide, upright, square) = (SizePx::new(640, 480), SizePx::new(480, 640), SizePx::new(480, 480));
+        assert!(turned(wide, upright) && turned(upright, wide) && !turned(wide, square) && !turned(square, upright));
     }
 
     #[test]

@@ -190,9 +190,7 @@ fn control_with(skin: Skin, scenes: impl IntoIterator<Item = Scene>, task: &Task
 }
 
 fn hold() -> TaskSettings {
-    let mut settings = TaskSettings::default();
-    (settings.lift.lift_mm, settings.lift.hold_ns) = (0.0, 60_000_000_000);
-    settings
+    TaskSettings::default().with(|s| (s.lift.lift_mm, s.lift.hold_ns) = (0.0, 60_000_000_000))
 }
 
 fn scenes(parts: &[(usize, Scene)]) -> Vec<Scene> {

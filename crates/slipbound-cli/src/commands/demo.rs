@@ -145,6 +145,7 @@ impl Demo {
             None => self.in_lock_step(&scene, lockstep, &faults, &stop, &mut output)?,
         };
         let has_begun = phase.is_some_and(|phase| phase != Phase::Grasping);
+        output.end_cycles();
         if let Err(e) = &ran {
             output.note(now_ns, &format!("{e:#}"));
         }
@@ -153,9 +154,8 @@ impl Demo {
         let rows = results::rows(&scene, &settings, &score);
         let outcome = output.finish(&rows, score.ending, |page| {
             let times = seconds / took_s;
-            let after = score.ended_s.map_or_else(String::new, |ended_s| {
-                format!(", the last {:.2} s of them after it had ended,", (seconds - ended_s).max(0.0))
-            });
+            let (until_s, had) = score.ended_s.map_or((score.time_s, "broke off"), |ended_s| (ended_s, "had ended"));
+            let after = format!(", the last {:.2} s of them after it {had},", (seconds - until_s).max(0.0));
             format!("simulated {seconds:.2} s{after} in {took_s:.2} s ({times:.1} times real time); report: {page}")
         })?;
         ran.map_err(Failure::Work)?;

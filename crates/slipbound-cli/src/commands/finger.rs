@@ -7,7 +7,7 @@ use slipbound::image::SizePx;
 use slipbound::sensor::Sensor;
 use slipbound_rig::sensors;
 
-/// Added to messages about upright frames where the finger's are wide.
+/// Added to messages about frames that stand upright where wide ones are expected, or the other way round.
 pub const TURNED: &str = "; are the images turned by 90 degrees?";
 
 /// The requested finger, else that of the scene, that of `sensor.toml` beside the frames, that in an MCAP recording,
@@ -42,7 +42,7 @@ pub fn of(
                 true => anyhow!(
                     "{source}: no built-in finger has frames of {frames}: expected --sensor, got none \
                      (`slipbound sensors` lists the built-in fingers; your own is a FILE.toml){}",
-                    if is_portrait(frames) { TURNED } else { "" }
+                    if frames.height > frames.width { TURNED } else { "" }
                 ),
                 false => anyhow!(
                     "{source}: more than one built-in finger has frames of {frames}: expected --sensor with one \
@@ -52,14 +52,4 @@ pub fn of(
             }))
         }
     }
-}
-
-/// Added to an error about frames whose size does not fit this finger.
-pub fn turned(frames: SizePx, sensor: &Sensor) -> &'static str {
-    let is_turned = is_portrait(frames) && sensor.image_px.width > sensor.image_px.height;
-    if is_turned { TURNED } else { "" }
-}
-
-fn is_portrait(size: SizePx) -> bool {
-    size.height > size.width
 }

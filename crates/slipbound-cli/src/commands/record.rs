@@ -74,7 +74,7 @@ impl Record {
             let text = toml::to_string(&sensor).map_err(|e| Failure::work("sensor", e))?;
             recorder.attach(&format!("{name}.sensor.toml"), "text/toml", text.into_bytes());
         }
-        self.sources.iter().filter_map(|uri| source::doubtful_rate(uri)).for_each(|doubt| terminal.note(&doubt));
+        self.sources.iter().filter_map(|uri| source::doubt(uri)).for_each(|doubt| terminal.note(&doubt));
         let stop = interruption::listen()?;
         let mut opened = Vec::new();
         for (number, (name, uri)) in names.iter().zip(&self.sources).enumerate() {

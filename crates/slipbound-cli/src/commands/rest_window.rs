@@ -1,6 +1,5 @@
 //! The first frames of a recording or a camera, and the rest frame among them: for `watch` and `tare`.
 
-use super::finger;
 use crate::outcome::Failure;
 use anyhow::anyhow;
 use slipbound::finger_pipeline::{FoundRest, RestFinder};
@@ -43,8 +42,8 @@ impl<'a> Window<'a> {
 
     /// The error for facts or settings that do not fit these frames.
     pub fn refused(&self, sensor: &Sensor, e: impl Display) -> Failure {
-        let (source, size, hint) = (self.source, self.size, finger::turned(self.size, sensor));
-        Failure::Arguments(anyhow!("{source}: frames of {size}: sensor {}: {e}{hint}", sensor.name))
+        let (source, size) = (self.source, self.size);
+        Failure::Arguments(anyhow!("{source}: frames of {size}: sensor {}: {e}", sensor.name))
     }
 
     /// The rest frame. `untouched`: the option that requires an untouched finger; a finger in contact is then an error.

@@ -29,7 +29,7 @@ use slipbound::sensor::Sensor;
 use slipbound_rig::container::Recorder;
 use slipbound_rig::link::now_ns;
 use slipbound_rig::report_summary::{ReportSummary, torn, when};
-use slipbound_rig::source::{ReadAhead, doubtful_rate};
+use slipbound_rig::source::{ReadAhead, doubt};
 use slipbound_rig::{config, sensors};
 use stall_detector::StallDetector;
 use std::slice;
@@ -116,7 +116,7 @@ impl Watch {
             recorder.begin(); // with the frames in which the rest frame is found
         }
         let terminal = Terminal::with_bar(recording.frames_count(), self.json_on_stdout());
-        doubtful_rate(&self.source).iter().for_each(|doubt| terminal.note(doubt));
+        doubt(&self.source).iter().for_each(|doubt| terminal.note(doubt));
 
         if let Some(camera) = &camera {
             let facts: Vec<String> = camera.facts.iter().map(|(name, value)| format!("{name} {value}")).collect();

@@ -2,6 +2,7 @@
 
 use super::canvas::{Canvas, Colour, Text};
 use super::palette::{CONTACT, GROSS, INNER, LOST, MEASURED, PAPER, RIGID, SLIP, SLIPPING};
+use crate::report_summary::whole_degrees;
 use slipbound::monitor::{Estimate, Marker, SlipKind, SlipReport, SlipState, SlipSummary};
 use slipbound::plane::Vec2;
 
@@ -52,7 +53,7 @@ fn slip_in_words(state: SlipState, slip: &SlipSummary) -> String {
         SlipKind::Rotation => format!("turn{ending}"),
         SlipKind::Both => format!("turn{ending} and slide{ending}"),
     };
-    let direction = slip.direction_rad.map(|rad| format!(" towards {:.0} deg", rad.to_degrees()));
+    let direction = slip.direction_rad.map(|rad| format!(" towards {} deg", whole_degrees(rad)));
     verb.to_owned() + &motion + &direction.unwrap_or_default()
 }
 
@@ -189,6 +190,8 @@ mod tests {
         let down = slip(SlipKind::Translation, Some(-std::f64::consts::FRAC_PI_2));
         assert_eq!(slip_in_words(SlipState::Incipient, &down), "   object would slide towards -90 deg");
         assert_eq!(slip_in_words(SlipState::Gross, &down), "   object slides towards -90 deg");
+        let ahead = slip(SlipKind::Translation, Some(-0.001));
+        assert_eq!(slip_in_words(SlipState::Gross, &ahead), "   object slides towards 0 deg");
         assert_eq!(slip_in_words(SlipState::Gross, &slip(SlipKind::Both, None)), "   object turns and slides");
         assert_eq!(slip_in_words(SlipState::Stick, &down), "");
         assert_eq!(slip_in_words(SlipState::Gross, &SlipSummary::default()), "");

@@ -51,6 +51,9 @@ pub enum Event {
         /// Force at which it slipped, N per finger: measured, else the force commanded before; None when neither is a
         /// number.
         force_n: Option<f64>,
+        /// Whether `force_n` is measured. None where it is not known, as in runs from before it was recorded.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        force_measured: Option<bool>,
     },
     /// The slip stopped.
     SlipEnds {
@@ -179,14 +182,16 @@ impl EventLog {
         events.extend(change.ended.map(|slip| ends(&slip, self.slips_count())));
         if change.began.is_some() {
             // This cycle's command is the response to the slip.
-            let force_n = cycle.gripper.pressed_n().or(cycle.grip_command.force_n());
+            let commanded_n = self.last.as_ref().and_then(|last| last.grip_command.force_n());
+            let force_n = cycle.gripper.pressed_n().or(commanded_n).and_then(finite);
             events.push(Event::SlipBegins {
                 slip: cycle.slips_count,
                 direction: cycle.hand.slip.as_ref().map_or_else(String::new, direction),
                 fingers_count: cycle.hand.slip.map_or(0, |slip| slip.fingers_count),
                 fingers: self.verdicts(cycle, reports),
                 gross: cycle.hand.state == SlipState::Gross,
-                force_n: force_n.and_then(finite),
+                force_n,
+                force_measured: force_n.map(|_| cycle.gripper.force_n.is_some()),
             });
         }
     }

@@ -60,6 +60,8 @@ pub struct RunFolder {
     page_data: PageData,
     /// Names of the images of the last slip, without their extensions.
     stems: Vec<String>,
+    /// Time of the last event, ns.
+    last_event_ns: u64,
 }
 
 impl RunFolder {
@@ -83,6 +85,7 @@ impl RunFolder {
             log: EventLog::new(info),
             page_data: PageData::new(),
             stems: Vec::new(),
+            last_event_ns: 0,
         })
     }
 
@@ -136,12 +139,16 @@ impl RunFolder {
         self.event(time_ns, Event::Note { text: text.to_owned() })
     }
 
+    /// No cycle is to follow: ends a slip still in progress. Notes of what comes after the last cycle belong behind it.
+    pub fn end_cycles(&mut self) -> Result<(), Error> {
+        let event = self.log.end();
+        event.map_or(Ok(()), |event| self.event(self.page_data.last_ns(), event))
+    }
+
     /// Writes the results and `report.html`; returns its path. `ending`: None for a loop that was interrupted.
     pub fn finish(mut self, results: &[Row], ending: Option<Ending>) -> Result<PathBuf, Error> {
-        let time_ns = self.page_data.last_ns();
-        if let Some(event) = self.log.end() {
-            self.event(time_ns, event)?;
-        }
+        self.end_cycles()?;
+        let time_ns = self.page_data.last_ns().max(self.last_event_ns);
         for row in results {
             self.event(time_ns, Event::Result(row.clone()))?;
         }
@@ -166,6 +173,7 @@ impl RunFolder {
 
     fn event(&mut self, time_ns: u64, event: Event) -> Result<(), Error> {
         let event = TimedEvent { time_ns, event };
+        self.last_event_ns = time_ns;
         let line = serde_json::to_string(&event)
             .map_err(|e| Error::Encode { path: self.events.path.clone(), why: e.to_string() })?;
         self.page_data.event(event);

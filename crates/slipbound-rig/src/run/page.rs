@@ -22,6 +22,7 @@ mod time_axis;
 
 use super::event::{Event, TimedEvent};
 use super::info::{Row, RunInfo};
+use super::words::duration;
 use crate::html_page::markup::{Escaped, base64};
 use slipbound::control::Cycle;
 use slipbound::task::Ending;
@@ -37,6 +38,10 @@ const KEY: &str = "<p class=\"key\">Arrows on the left: <span class=\"measured\"
                    <span class=\"slipping\">purple</span> the markers whose slip is over the paper's threshold. By \
                    default the margin raises the alarm, not their number: it can come before any is purple, and not \
                    come where many are.</p>";
+
+/// What a picture is, and whose time is in it.
+const PICTURES_KEY: &str = "<p class=\"key\">A click enlarges a picture. Frame and time in it are those of its source; every \
+                            other time on this page is the control loop's.</p>";
 
 /// The image of a finger at a slip.
 #[derive(Debug)]
@@ -115,16 +120,10 @@ impl Page<'_> {
         let last = self.cycles.last();
         let alarms_count = last.map_or(0, |c| c.alarms_count);
         let one_or = |count: u64, one, more| (count.to_string(), if count == 1 { one } else { more });
+        let in_s = |ns: u64| ns as f64 * 1e-9;
         // On the same clock as slips, plots and events.
         let facts = [
-            (
-                seconds(self.ended_ns.or(last.map(|c| c.time_ns)).unwrap_or(0)),
-                match (self.ended_ns, self.ending) {
-                    (Some(_), _) => "until it ended",
-                    (None, Some(_)) => "in all",
-                    (None, None) => "until it broke off",
-                },
-            ),
+            duration(self.ended_ns.map(in_s), last.map_or(0.0, |c| in_s(c.time_ns)), self.ending),
             one_or(self.slips_count.into(), "slip", "slips"),
             one_or(alarms_count.into(), "alarm of the controller", "alarms of the controller"),
             (format!("{most_n:.1} N"), "largest force commanded, per finger"),
@@ -183,7 +182,7 @@ impl Page<'_> {
             return writeln!(f, "<section>\n<h2>Slips</h2>\n<p>None was seen.</p>\n</section>");
         }
         writeln!(f, "<section>\n<h2>What the fingers saw</h2>")?;
-        writeln!(f, "{KEY}\n<p class=\"key\">A click enlarges a picture.</p>")?;
+        writeln!(f, "{KEY}\n{PICTURES_KEY}")?;
         if !before.is_empty() {
             writeln!(f, "<article>\n<h3>Before any slip</h3>")?;
             self.figures(f, 0)?;

@@ -63,6 +63,12 @@ impl RunRecorder {
         self.lost_count += count;
     }
 
+    /// No cycle is to follow; see [`RunFolder::end_cycles`].
+    pub fn end_cycles(&mut self) {
+        let written = self.folder.end_cycles();
+        self.count(written);
+    }
+
     /// Lines and images that could not be written, and the first reason.
     pub fn failures(&self) -> (u64, Option<&Error>) {
         (self.failed_count, self.first_failure.as_ref())
@@ -89,8 +95,8 @@ impl RunRecorder {
             return Ok(());
         }
         let force = match cycle.grip_command.force_n() {
-            Some(force_n) => format!("at a commanded grip of {force_n:.1} N"),
-            None => "with the grip released".into(),
+            Some(force_n) => format!("commanded from now on: {force_n:.1} N"),
+            None => "the grip is released now".into(),
         };
         for (finger, overlay) in view.fingers.iter().zip(&mut self.overlays) {
             let (Some(monitor), Some(report)) = (finger.monitor, finger.report) else { continue };

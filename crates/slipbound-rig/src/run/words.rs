@@ -3,7 +3,7 @@
 use super::info::RunInfo;
 use slipbound::control::Cycle;
 use slipbound::port::GripCommand;
-use slipbound::task::Phase;
+use slipbound::task::{Ending, Phase};
 
 /// The settings of a scene that distinguish runs for a reader.
 const SHOWN: [&str; 6] = ["object", "mu", "mu_right", "camera", "surroundings", "fault"];
@@ -32,6 +32,17 @@ fn source_in_words(source: &str, seed: u64) -> String {
     });
     let seed = std::iter::once(format!("seed {seed}"));
     std::iter::once(format!("simulated {task}")).chain(shown).chain(seed).collect::<Vec<_>>().join(", ")
+}
+
+/// How long a run took, and up to what: `(7.77 s, until it ended)`. `ended_s`: when its task ended; `last_s`: the time of
+/// its last cycle.
+pub fn duration(ended_s: Option<f64>, last_s: f64, ending: Option<Ending>) -> (String, &'static str) {
+    let until = match (ended_s, ending) {
+        (Some(_), _) => "until it ended",
+        (None, Some(_)) => "in all",
+        (None, None) => "until it broke off",
+    };
+    (format!("{:.2} s", ended_s.unwrap_or(last_s)), until)
 }
 
 /// What a cycle commanded, and in which phase.

@@ -2,7 +2,7 @@
 
 use slipbound::port::{SourceError, SourceErrorKind};
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A source that cannot be opened or cannot go on. Every text names the file, what was expected and what was got.
 #[derive(Debug, thiserror::Error)]
@@ -24,12 +24,17 @@ pub enum Error {
         why: String,
     },
     /// A folder or pattern without a single image.
-    #[error("{}: expected images (.jpg, .jpeg, .png), got none among {others_count} other files", path.display())]
+    #[error(
+        "{}: expected images (.jpg, .jpeg, .png), got none among {others_count} other files{}",
+        path.display(), folders(path, *folders_count)
+    )]
     NoImages {
         /// The folder or pattern.
         path: PathBuf,
         /// How many files of other kinds were ignored.
         others_count: usize,
+        /// How many folders.
+        folders_count: usize,
     },
     /// Only images of a kind that cannot be read.
     #[error(
@@ -118,6 +123,16 @@ pub enum Error {
         /// The end of what it wrote to its standard error.
         stderr: String,
     },
+}
+
+/// What to do about folders in place of images.
+fn folders(path: &Path, count: usize) -> String {
+    let each = if path.is_dir() { path.join("*") } else { path.to_owned() };
+    let folders = if count == 1 { "folder" } else { "folders" };
+    match count {
+        0 => String::new(),
+        _ => format!(" and {count} {folders}: name each one, as the shell does for {} without quotes", each.display()),
+    }
 }
 
 impl Error {

@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 pub struct Folder {
     files: Vec<PathBuf>,
     next: usize,
+    /// Images of kinds that are not read, beside these: the ending of the first, and how many.
+    others: Option<(&'static str, usize)>,
 }
 
 impl Folder {
@@ -42,21 +44,24 @@ impl Folder {
 
     /// One image.
     pub fn single(path: &Path) -> Self {
-        Folder { files: vec![path.to_owned()], next: 0 }
+        Folder { files: vec![path.to_owned()], next: 0, others: None }
     }
 
     fn of_images(path: &Path, all: Vec<PathBuf>) -> Result<Self, Error> {
         let (mut files, named): (Vec<PathBuf>, Vec<PathBuf>) =
             all.into_iter().partition(|p| has_image_name(p) && is_frame(p));
+        let others: Vec<&str> = named.iter().filter_map(|path| other_image(path)).collect();
+        let others = others.first().map(|kind| (*kind, others.len()));
         if files.is_empty() {
-            let others: Vec<&str> = named.iter().filter_map(|path| other_image(path)).collect();
-            if let Some(kind) = others.first().copied() {
-                return Err(Error::OtherImages { path: path.to_owned(), kind, count: others.len() });
+            let path = path.to_owned();
+            if let Some((kind, count)) = others {
+                return Err(Error::OtherImages { path, kind, count });
             }
-            return Err(Error::NoImages { path: path.to_owned(), others_count: named.len() });
+            let folders_count = named.iter().filter(|path| path.is_dir()).count();
+            return Err(Error::NoImages { path, others_count: named.len() - folders_count, folders_count });
         }
         natural_sort::sort(&mut files);
-        Ok(Folder { files, next: 0 })
+        Ok(Folder { files, next: 0, others })
     }
 }
 
@@ -146,14 +151,24 @@ fn fits(texts: &[glob::Pattern], widths: &[usize], name: &str) -> bool {
 
 /// The image files that a folder, a pattern or the name of an image stands for; none where it is something else.
 pub(super) fn image_files(uri: &str) -> Vec<PathBuf> {
+    images(uri).map_or_else(Vec::new, |folder| folder.files)
+}
+
+/// The ending of the first image of a kind that is not read, and how many there are, in a folder or pattern with others
+/// that are.
+pub(super) fn images_left_out(uri: &str) -> Option<(&'static str, usize)> {
+    images(uri).and_then(|folder| folder.others)
+}
+
+fn images(uri: &str) -> Option<Folder> {
     let path = Path::new(uri);
     let folder = match fs::metadata(path) {
         Ok(there) if there.is_dir() => Folder::open(path),
         Ok(_) if has_image_name(path) => Ok(Folder::single(path)),
-        Ok(_) => return Vec::new(),
+        Ok(_) => return None,
         Err(_) => Folder::matching(uri),
     };
-    folder.map_or_else(|_| Vec::new(), |folder| folder.files)
+    folder.ok()
 }
 
 /// Whether a file of a folder or pattern can be a frame: not `._1.jpg`, which macOS puts beside `1.jpg`, and no pipe or
@@ -238,5 +253,20 @@ mod tests {
         assert!(open().contains("got 1 .bmp file") && open().contains("ffmpeg"), "{}", open());
         std::fs::write(folder.path().join("b.jpg"), "").expect("written");
         assert_eq!(Folder::open(folder.path()).expect("an image").files.len(), 1);
+        let said = super::super::doubt(&folder.path().to_string_lossy());
+        assert!(said.is_some_and(|said| said.contains(": 1 image of other kinds (.bmp) left out")));
+    }
+
+    #[test]
+    fn folders_in_place_of_images_are_named_with_what_to_do() {
+        let clips = tempfile::tempdir().expect("a folder");
+        ["a", "b"].iter().for_each(|name| fs::create_dir(clips.path().join(name)).expect("made"));
+        let pattern = clips.path().join("*").display().to_string();
+        let expected =
+            format!("among 0 other files and 2 folders: name each one, as the shell does for {pattern} without quotes");
+        for got in [Folder::open(clips.path()), Folder::matching(&pattern)] {
+            let error = got.expect_err("no images").to_string();
+            assert!(error.ends_with(&expected), "{error}");
+        }
     }
 }

@@ -5,7 +5,7 @@ use slipbound::control::{Cycle, CycleOutcome, CycleView, Fault, FaultKind};
 use slipbound::monitor::SlipState;
 use slipbound::port::GripCommand;
 use slipbound::task::{Ending, Phase};
-use slipbound_rig::run::{Event, RunNotes};
+use slipbound_rig::run::{Event, RunNotes, TimedEvent};
 
 #[test]
 fn events_tell_what_happened() {
@@ -95,20 +95,44 @@ fn a_slip_is_over_when_it_is_quiet_however_often_it_is_answered() {
 }
 
 #[test]
-fn a_slip_is_at_the_force_before_its_answer_also_where_the_gripper_measures_none() {
-    let mut cycles = screw::cycles();
-    for i in 1..cycles.len() {
-        cycles[i].gripper.force_n = None;
-        cycles[i].gripper.target_n = cycles[i - 1].grip_command.force_n();
-    }
-    let at = screw::SLIPS[1] as usize;
-    let before_n = cycles[at - 1].grip_command.force_n();
-    cycles[at].grip_command = GripCommand::Hold { force_n: 57.0 }; // answered at once
+fn a_slip_of_the_last_cycle_is_over_before_what_is_noted_after_it() {
+    let cycles = &screw::cycles()[..=screw::SLIPS[1] as usize];
+    let last_ns = cycles[cycles.len() - 1].time_ns;
     let folder = tempfile::tempdir().expect("a folder");
-    written(folder.path(), &screw::info(), &cycles).finish(&[], None).expect("finishes");
-    let told = events(folder.path()).into_iter().find_map(|e| match e.event {
-        Event::SlipBegins { slip: 2, force_n, .. } => Some(force_n),
-        _ => None,
-    });
-    assert_eq!(told, Some(before_n));
+    let mut run = written(folder.path(), &screw::info(), cycles);
+    run.end_cycles().expect("writes");
+    run.note(last_ns + 40_000_000, "left: 84 frames").expect("writes");
+    run.finish(&screw::results(), None).expect("finishes");
+    let events = events(folder.path());
+    assert!(events.is_sorted_by_key(|e| e.time_ns), "{events:?}");
+    let after = events.iter().skip_while(|e| !matches!(e.event, Event::SlipBegins { slip: 2, .. }));
+    let ends: Vec<_> = after.filter(|e| matches!(e.event, Event::SlipEnds { .. })).collect();
+    assert!(matches!(ends[..], [TimedEvent { event: Event::SlipEnds { slip: 2, .. }, .. }]), "{ends:?}");
+}
+
+#[test]
+fn a_slip_is_at_the_force_before_its_answer_also_where_the_gripper_measures_none() {
+    for (measures, tells_target) in [(true, true), (false, true), (false, false)] {
+        let mut cycles = screw::cycles();
+        for i in 1..cycles.len() {
+            let commanded_n = cycles[i - 1].grip_command.force_n();
+            cycles[i].gripper.force_n = commanded_n.filter(|_| measures);
+            cycles[i].gripper.target_n = commanded_n.filter(|_| tells_target);
+        }
+        let at = screw::SLIPS[1] as usize;
+        let before_n = cycles[at - 1].grip_command.force_n();
+        cycles[at].grip_command = GripCommand::Hold { force_n: 57.0 }; // answered at once
+        let folder = tempfile::tempdir().expect("a folder");
+        let page = written(folder.path(), &screw::info(), &cycles).finish(&[], None).expect("finishes");
+        let told = events(folder.path()).into_iter().find_map(|e| match e.event {
+            Event::SlipBegins { slip: 2, force_n, force_measured, .. } => Some((force_n, force_measured)),
+            _ => None,
+        });
+        assert_eq!(told, Some((before_n, Some(measures))), "measures {measures}, tells its target {tells_target}");
+        let html = std::fs::read_to_string(page).expect("reads");
+        let card = html.split("<article id=\"slip-2\">").nth(1).and_then(|card| card.split("</h3>").next());
+        let kind = if measures { "measured" } else { "commanded" };
+        let expected = format!("at {:.1} N {kind}", before_n.expect("held"));
+        assert!(card.is_some_and(|card| card.contains(&expected)), "{expected}: {card:?}");
+    }
 }

@@ -363,7 +363,9 @@ fn only_live_fingers_are_evidence_and_older_events_are_read() {
     let Event::SlipBegins { fingers, .. } = &slip.event else { unreachable!() };
     assert_eq!(fingers.iter().map(|verdict| verdict.finger.as_str()).collect::<Vec<_>>(), ["right"]);
     let mut older = serde_json::to_value(&slip).expect("JSON");
-    older.as_object_mut().expect("an object").remove("fingers");
+    for added in ["fingers", "force_measured"] {
+        assert!(older.as_object_mut().expect("an object").remove(added).is_some(), "{added}");
+    }
     let older: TimedEvent = serde_json::from_value(older).expect("an event");
     assert!(matches!(older.event, Event::SlipBegins { ref fingers, .. } if fingers.is_empty()));
 }

@@ -88,6 +88,13 @@ impl TaskSettings {
         TaskSettings { grip, ..self }
     }
 
+    /// The same with the changes that `change` makes.
+    #[must_use]
+    pub fn with(mut self, change: impl FnOnce(&mut TaskSettings)) -> Self {
+        change(&mut self);
+        self
+    }
+
     /// Checks everything that does not depend on the finger; the error names the first invalid key.
     pub fn check(&self) -> Result<(), SettingError> {
         self.grip.check()?;

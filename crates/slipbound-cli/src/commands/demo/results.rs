@@ -3,7 +3,7 @@
 use slipbound::task::{Ending, TaskKind, TaskSettings};
 use slipbound_lab::hand::HandScene;
 use slipbound_lab::score::{RunScore, most_ground_n};
-use slipbound_rig::run::Row;
+use slipbound_rig::run::{Row, duration};
 
 /// The table of results.
 pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<Row> {
@@ -54,8 +54,7 @@ pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<R
         &format!("at most {:.1} N", settings.grip.most_n),
         Some(run.most_n <= settings.grip.most_n),
     ));
-    if let Some(seconds) = run.ended_s {
-        rows.push(row("time until it ended", format!("{seconds:.2} s"), "", None));
-    }
+    let (lasted, until) = duration(run.ended_s, run.time_s, run.ending);
+    rows.push(row(&format!("time {until}"), lasted, "", None));
     rows
 }

@@ -47,6 +47,11 @@ pub fn markers(frames: &[FrameBuffer], sensor: &Sensor, saved: Option<Rest>) -> 
     let fits = "does the sensor file belong to this finger and camera? `slipbound calibrate` makes one";
     let anew = "let nothing touch it and take it anew with `slipbound tare`";
     let Some(first) = frames.first() else { return Vec::new() };
+    if let Err(e) = sensor.at_size(first.size) {
+        let advice =
+            "crop, scale or turn the images to those of the sensor file, or `slipbound calibrate` the finger as it is";
+        return vec![bad("markers", e.to_string(), advice)];
+    }
     let is_saved = saved.is_some();
     let rest = match saved {
         Some(rest) if rest.size() != first.size => {

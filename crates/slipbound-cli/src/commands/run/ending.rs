@@ -6,7 +6,7 @@ use crate::run_output::{FrameTally, RunOutput, RunScorer};
 use anyhow::anyhow;
 use slipbound::task::{Ending, Missing, Phase};
 use slipbound_rig::link::now_ns;
-use slipbound_rig::run::Row;
+use slipbound_rig::run::{Row, duration};
 
 /// The state when the loop ended.
 pub struct Ended<'a> {
@@ -44,9 +44,11 @@ impl Ended<'_> {
             Ok(()) => "not before the end of the source".into(),
             Err(e) => format!("{e:#}"),
         };
+        let (lasted, until) = duration(score.ended_s, score.time_s, ending);
         let row = |name: &str, value: String| Row { name: name.into(), value, ..Row::default() };
         let rows = [
             row("ended", ending.map_or_else(unfinished, |ending| ending.name().into())),
+            row(&format!("time {until}"), lasted),
             row("alarms", score.alarms_count.to_string()),
             row("largest force commanded", format!("{:.1} N", score.most_n)),
             row("grip at the end", self.held_n.map_or("unknown".into(), |n| format!("{n:.1} N per finger"))),

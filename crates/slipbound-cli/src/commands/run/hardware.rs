@@ -213,10 +213,7 @@ impl Hardware {
         if !(0.1..=1000.0).contains(&self.rate_hz) {
             return Err(Failure::Arguments(anyhow!("--rate-hz: expected 0.1 to 1000 Hz, got {}", self.rate_hz)));
         }
-        self.sources
-            .iter()
-            .filter_map(|uri| source::doubtful_rate(uri))
-            .for_each(|doubt| Terminal::plain().note(&doubt));
+        self.sources.iter().filter_map(|uri| source::doubt(uri)).for_each(|doubt| Terminal::plain().note(&doubt));
         let ms = |ms: u64| ms.saturating_mul(1_000_000);
         Ok(CameraLimits { max_silence_ns: ms(self.max_silence_ms), max_skew_ns: ms(self.max_skew_ms) })
     }

@@ -24,7 +24,7 @@ pub fn refuse_endings(args: &Watch) -> Result<(), Failure> {
         ),
         ("--slips", &args.slips, &["csv", "html", "xlsx", "parquet", "pkl"], "a file of JSON lines"),
         ("--report", &args.report, &["pdf", "md", "json", "jsonl", "csv", "png"], "a page, FILE.html"),
-        ("--timings", &args.timings, &[], "a file of JSON lines"),
+        ("--timings", &args.timings, &TABLES[..], "a file of JSON lines"),
     ] {
         let Some(path) = path else { continue };
         if name != "--json" {

@@ -1,6 +1,7 @@
 //! The rest frame: found among the first frames, or named by the user.
 
 use super::args::{RestArgument, Watch};
+use crate::commands::finger::TURNED;
 use crate::commands::recording;
 use crate::commands::rest_window::Window;
 use crate::outcome::Failure;
@@ -59,7 +60,10 @@ pub fn find(
     let other = given.as_ref().and_then(|given| given.sizes().into_iter().find(|size| *size != window.size));
     if let (Some(argument), Some(got)) = (&args.rest, other) {
         let (size, source) = (window.size, &args.source);
-        return Err(Failure::Arguments(anyhow!("{argument}: expected {size} as the frames of {source}, got {got}")));
+        let hint = if got.is_turned_from(size) { TURNED } else { "" };
+        return Err(Failure::Arguments(anyhow!(
+            "{argument}: expected {size} as the frames of {source}, got {got}{hint}"
+        )));
     }
     let saved = given.as_ref().and_then(RestInput::finger);
     let (sensor, note) = sensor_for(window.size, saved)?;

@@ -26,7 +26,7 @@ pub(super) fn in_words(event: &TimedEvent) -> String {
     let newtons = |force_n: &Option<f64>| force_n.map_or_else(|| "an unknown force".into(), |n| format!("{n:.1} N"));
     match &event.event {
         Event::Phase { now } => format!("Phase: {}", phase_name(*now)),
-        Event::SlipBegins { slip, direction, fingers_count, fingers, gross, force_n } => {
+        Event::SlipBegins { slip, direction, fingers_count, fingers, gross, force_n, force_measured } => {
             let what = if *gross { "whole contact slides" } else { "incipient slip" };
             let way = ways(direction);
             let fingers = match fingers_count {
@@ -35,7 +35,13 @@ pub(super) fn in_words(event: &TimedEvent) -> String {
                 1 => ", seen by one finger".to_owned(),
                 count => format!(", seen by {count} fingers"),
             };
-            format!("Slip {slip} at {}: {what} {way}at {}{fingers}", seconds(event.time_ns), newtons(force_n))
+            let (at, force) = (seconds(event.time_ns), newtons(force_n));
+            let kind = match force_measured {
+                Some(true) => " measured",
+                Some(false) => " commanded",
+                None => "",
+            };
+            format!("Slip {slip} at {at}: {what} {way}at {force}{kind}{fingers}")
         }
         Event::SlipEnds { slip, lasted_ns: 0 } => format!("Slip {slip} is over: seen in one cycle"),
         Event::SlipEnds { slip, lasted_ns } => format!("Slip {slip} is over: seen for {}", seconds(*lasted_ns)),
