@@ -30,7 +30,7 @@ pub struct Run {
 pub struct Hold {
     #[command(flatten)]
     hardware: Hardware,
-    /// Duration in seconds [default: until Ctrl-C or the end of the source]
+    /// Seconds to hold, of which those count in which a finger feels the object [default: until Ctrl-C or the end of the source]
     #[arg(long, value_name = "SECONDS")]
     for_s: Option<f64>,
 }
