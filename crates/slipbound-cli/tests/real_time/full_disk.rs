@@ -110,15 +110,19 @@ fn a_finger_at_rest_that_cannot_be_written_leaves_the_one_that_was_there() {
     assert_eq!(fs::read_dir(scratch.path()).expect("reads").count(), 1, "and nothing is left beside it");
 }
 
-/// A camera that never ends; its images are kept although they are torn.
+/// A camera that never ends: after a whole image its images are torn, which are kept, too.
 fn camera() -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let url = format!("http://{}/", listener.local_addr().expect("bound"));
     thread::spawn(move || {
         let (mut socket, _) = listener.accept()?;
         socket.write_all(b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=cam\r\n\r\n--cam")?;
+        let mut image = Vec::new();
+        let encoder = jpeg_encoder::Encoder::new(&mut image, 90);
+        encoder.encode(&[128; 64 * 48], 64, 48, jpeg_encoder::ColorType::Luma).expect("encodes");
         loop {
-            socket.write_all(&[b"\r\n\r\n".to_vec(), vec![7; 4000], b"\r\n--cam".to_vec()].concat())?;
+            socket.write_all(&[b"\r\n\r\n".to_vec(), image, b"\r\n--cam".to_vec()].concat())?;
+            image = vec![7; 4000];
             thread::sleep(Duration::from_millis(10));
         }
         #[allow(unreachable_code)]
