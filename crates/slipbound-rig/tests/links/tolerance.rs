@@ -28,6 +28,25 @@ fn an_idle_reading_on_open_jaws_blocks_no_grasp() {
     }
 }
 
+/// Jaws that an earlier program has left open, not as wide as a release, still set to the force of its grasp.
+#[test]
+fn an_idle_reading_on_jaws_left_open_by_another_program_blocks_no_grasp() {
+    let mut bench = Bench::new("wsg50", Config { open_mm: 60.0, ..config("wsg50") }, "idle=4");
+    bench.run(200);
+    bench.grip(30.0).expect("nothing is held");
+    bench.until(5000, |state| state.jaws == Jaws::Holding);
+    bench.release().expect("taken over");
+    bench.until(5000, |state| state.jaws == Jaws::Open && state.opening_mm.is_some_and(|mm| mm > 59.9));
+    bench.request(Request::Leave).expect("taken over");
+    bench.cut("the program ended");
+    bench.pair.driver = driver("wsg50", config("wsg50"));
+    bench.connect();
+    bench.run(200);
+    bench.grip(10.0).expect("nothing is held");
+    bench.until(5000, |state| state.jaws == Jaws::Holding);
+    assert!(bench.plant.force_n < 10.1, "{}", bench.plant.force_n);
+}
+
 /// Stopped jaws keep pressing, although the gripper does not report that it holds, whatever its force reads.
 #[test]
 fn what_was_held_before_a_fast_stop_is_not_loosened_whatever_the_force_reads() {
