@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """A seeded sample of mutants, each run against the tests of its own crate: python3 bench/mutants.py core --seed 1 --sample 300
 
+Several parts, each with its share of the sample, are judged together: python3 bench/mutants.py core=14 drivers=6 --least-percent 85
+
 Needs `cargo install cargo-mutants --locked`, which makes the mutants; what may be mutated is in .cargo/mutants.toml. Each is tried in a
 copy of the tree under target/mutants, where only what the change touches is built again (`cargo mutants` itself builds every target of
 the crate for every mutant, several times as long). Groups of tests run in turn, quick ones first, until one kills it. Each result is a
@@ -58,26 +60,37 @@ def groups_of(file, is_long):
 
 def main():
     arguments = parsed()
-    package = PACKAGES[arguments.part]
     WORK.mkdir(parents=True, exist_ok=True)
     tree = ROOT
     if not arguments.summary:
         tree = WORK / "tree"
         copy_tree(tree)
-    mutants = listed(package, tree)
-    chosen = at_lines(mutants, arguments.at) if arguments.at else sampled(mutants, arguments)
+    samples, of = {}, {}
+    for part, count in arguments.parts:
+        mutants = listed(PACKAGES[part], tree)
+        samples[part] = at_lines(mutants, arguments.at) if arguments.at else sampled(mutants, count or arguments.sample, arguments)
+        of[part] = len(mutants)
+    together = sum(samples.values(), [])
+    if arguments.least_percent and together and 100 * wilson(0, len(together))[1] >= arguments.least_percent:
+        sys.exit(f"{len(together)} mutants cannot show that fewer than {arguments.least_percent:g} % die: take more")
     if not arguments.summary:
-        run_all(chosen, arguments)
-    highest = summary(arguments.part, chosen, len(mutants))
+        run_all(together, arguments)
+    highest = [summary(part, chosen, of[part]) for part, chosen in samples.items()][-1]
+    if len(samples) > 1:
+        highest = summary(" and ".join(samples), together, sum(of.values()))
+    done = results()
+    for mutant in together:
+        if done.get(mutant["key"], {}).get("outcome") == "survived":
+            print(f"survived: {mutant['name']}")
     if 100 * highest < arguments.least_percent:
         sys.exit(f"fewer than {arguments.least_percent:g} % die, with 95 % certainty")
 
 
 def parsed():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("part", choices=PACKAGES)
+    parser.add_argument("parts", nargs="+", type=part_and_count, metavar="PART[=COUNT]", help="core or drivers, and how many of it")
     parser.add_argument("--seed", default="1", help="any text; the same one draws the same mutants")
-    parser.add_argument("--sample", type=int, default=300, help="how many")
+    parser.add_argument("--sample", type=int, default=300, help="how many of a part that states no number")
     parser.add_argument("--shard", default="1/1", metavar="I/N", help="every N-th of the sample, from the I-th")
     parser.add_argument("--at", action="append", metavar="FILE:FIRST[-LAST]", help="instead: all mutants of these lines")
     parser.add_argument("--again", action="store_true", help="run again what survived, after new tests or with longer ones")
@@ -86,6 +99,13 @@ def parsed():
     parser.add_argument("--least-percent", type=float, default=0.0, help="fail where the whole interval lies below this share")
     parser.add_argument("--minutes", type=float, default=math.inf, help="begin no mutant after this time")
     return parser.parse_args()
+
+
+def part_and_count(text):
+    part, _, count = text.partition("=")
+    if part not in PACKAGES:
+        raise argparse.ArgumentTypeError(f"expected one of {', '.join(PACKAGES)}, got {part}")
+    return part, int(count or 0)
 
 
 def copy_tree(tree):
@@ -117,8 +137,8 @@ def listed(package, tree):
     return sorted(found, key=lambda mutant: mutant["name"])
 
 
-def sampled(mutants, arguments):
-    chosen = random.Random(arguments.seed).sample(mutants, min(arguments.sample, len(mutants)))
+def sampled(mutants, count, arguments):
+    chosen = random.Random(arguments.seed).sample(mutants, min(count, len(mutants)))
     index, count = (int(part) for part in arguments.shard.split("/"))
     return chosen[index - 1 :: count]
 
@@ -237,9 +257,6 @@ def summary(part, chosen, of):
     low, high = wilson(killed, viable) if viable else (0.0, 1.0)
     if viable:
         print(f"{100 * killed / viable:.1f} % of {viable} viable ones die (95 % interval {100 * low:.1f} to {100 * high:.1f} %)")
-    for line in lines:
-        if line["outcome"] == "survived":
-            print(f"survived: {line['name']}")
     return high
 
 

@@ -2,7 +2,7 @@
 
 use anyhow::anyhow;
 use slipbound::port::SourceError;
-use slipbound::task::Missing;
+use slipbound::task::{Ending, Missing};
 use slipbound_lab::eval::FolderError;
 use slipbound_rig::gripper::{self, SessionError};
 use slipbound_rig::{container, run};
@@ -47,6 +47,15 @@ impl Failure {
         Failure::Work(match refused_lowering {
             Some(refused) => anyhow!("the work never began: {why}; {refused}"),
             None => anyhow!("the work never began: {why}"),
+        })
+    }
+
+    /// A task that ended without what it was for. `refused_lowering`: a lower force that the gripper refused, so that
+    /// the jaws may never have closed.
+    pub fn ended(ending: Ending, refused_lowering: Option<&str>) -> Self {
+        Failure::Work(match refused_lowering.filter(|_| ending == Ending::NothingHeld) {
+            Some(refused) => anyhow!("{}; {refused}", ending.evidence()),
+            None => anyhow!("{}", ending.evidence()),
         })
     }
 }

@@ -231,6 +231,11 @@ fn work_that_never_began_and_hands_that_end_empty_are_failures() {
         ("blind", &["--set", "longest_s=4", "--fault", "lost@0.8"][..], "the work never began: the fingers are blind"),
         ("empty", &["--emulated", "wsg50", "--gripper-fault", "lose-part@0"], "nothing was found between the fingers"),
         (
+            "idle",
+            &["--emulated", "wsg50", "--gripper-fault", "idle=10.5"],
+            "nothing was found between the fingers; wsg50://emulator:1: a lower force was asked for while holding (80 N to 10 N",
+        ),
+        (
             "lost",
             &["--emulated", "wsg50", "--gripper-fault", "lose-part@2500"],
             "the gripper reports that the object is lost",

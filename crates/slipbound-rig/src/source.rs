@@ -60,6 +60,7 @@ pub use folder::{Folder, has_image_name};
 pub use mjpeg_http::MjpegHttp;
 pub use newest::{Arrivals, Awaited, Newest};
 pub use picture::decode as decode_image;
+pub(crate) use picture_size::checked_size;
 pub use read_ahead::{AheadFrame, ReadAhead, most_common_size};
 pub use riff::Rate;
 

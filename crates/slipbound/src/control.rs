@@ -402,7 +402,9 @@ impl ControlLoop {
         match gripper.command(step.grip) {
             // A gripper that refuses to lower its force keeps the present one: that is no fault.
             Err(error) if error.kind == GripperErrorKind::Lowering => {
-                if let Some(force_n) = state.target_n.or(state.force_n) {
+                // Open jaws hold nothing to be kept: with the higher force the grasp would be harder than asked for.
+                let grips = matches!(state.jaws, Jaws::Holding | Jaws::Closing);
+                if let Some(force_n) = state.target_n.or(state.force_n).filter(|_| grips) {
                     self.task.grip_mut().raise_to(force_n);
                 }
                 self.refused_lowering.get_or_insert_with(|| error.to_string());

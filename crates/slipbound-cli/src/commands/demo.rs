@@ -29,16 +29,22 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// The outcome of a run: its score, its last time in ns, what the task was doing then, and what it waited for.
-type RunOutcome = (anyhow::Result<()>, RunScore, u64, Option<Phase>, Option<Missing>);
+/// The outcome of a run: its score, its last time in ns, how far it came, and what it waited for.
+type RunOutcome = (anyhow::Result<()>, RunScore, u64, Reached, Option<Missing>);
 
-/// What the task was doing last.
+/// What the task was doing last, and the first lower force that the gripper refused.
 #[derive(Default)]
-struct LastPhase(Option<Phase>);
+struct Reached {
+    phase: Option<Phase>,
+    refused_lowering: Option<String>,
+}
 
-impl CycleObserver for LastPhase {
+impl CycleObserver for Reached {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
-        self.0 = view.cycle().map(|cycle| cycle.phase).or(self.0);
+        self.phase = view.cycle().map(|cycle| cycle.phase).or(self.phase);
+        if self.refused_lowering.is_none() {
+            self.refused_lowering = view.refused_lowering.map(str::to_owned);
+        }
     }
 }
 
@@ -134,17 +140,18 @@ impl Demo {
         if let Some(clamped) = clamped {
             output.note(0, &clamped);
         }
-        let (ran, score, now_ns, phase, missing) = match self.emulated.as_ref().filter(|_| self.sockets) {
+        let (ran, score, now_ns, reached, missing) = match self.emulated.as_ref().filter(|_| self.sockets) {
             Some(emulated) => {
                 let loopback = Loopback::start(&scene, &settings, &monitor, self.fault, emulated, &faults)?;
                 let (mut queued, mut scorer) = (output.queued(keeps_frames), RunScorer::new(settings.grip.most_n));
                 let (ran, missing) = loopback.run(&stop, &mut queued, &mut scorer);
                 output = queued.finish();
-                (ran, scorer.score, now_ns(), scorer.phase, missing)
+                let RunScorer { score, phase, refused_lowering, .. } = scorer;
+                (ran, score, now_ns(), Reached { phase, refused_lowering }, missing)
             }
             None => self.in_lock_step(&scene, lockstep, &faults, &stop, &mut output)?,
         };
-        let has_begun = phase.is_some_and(|phase| phase != Phase::Grasping);
+        let has_begun = reached.phase.is_some_and(|phase| phase != Phase::Grasping);
         output.end_cycles();
         if let Err(e) = &ran {
             output.note(now_ns, &format!("{e:#}"));
@@ -159,9 +166,10 @@ impl Demo {
             format!("simulated {seconds:.2} s{after} in {took_s:.2} s ({times:.1} times real time); report: {page}")
         })?;
         ran.map_err(Failure::Work)?;
+        let refused_lowering = reached.refused_lowering.as_deref();
         match score.ending {
-            None if !has_begun => Err(Failure::never_began(missing, None)),
-            Some(ending @ (Ending::NothingHeld | Ending::Lost)) => Err(Failure::Work(anyhow!("{}", ending.evidence()))),
+            None if !has_begun => Err(Failure::never_began(missing, refused_lowering)),
+            Some(ending @ (Ending::NothingHeld | Ending::Lost)) => Err(Failure::ended(ending, refused_lowering)),
             _ if score.is_object_lost() => {
                 Err(Failure::Work(anyhow!("the object was lost: it slid by {:.1} mm", score.slid_mm)))
             }
@@ -183,12 +191,12 @@ impl Demo {
             let actuators = EmulatedActuators::new(lockstep.hand(), scene.width_mm(), emulated, faults);
             lockstep = lockstep.with_actuators(Box::new(actuators.map_err(Failure::Arguments)?));
         }
-        let mut last = LastPhase::default();
-        let ran = lockstep.run(&|| stop.load(Ordering::Relaxed), &mut (&mut *output, &mut last));
+        let mut reached = Reached::default();
+        let ran = lockstep.run(&|| stop.load(Ordering::Relaxed), &mut (&mut *output, &mut reached));
         let mut score = lockstep.score().clone();
         score.add_truth(&lockstep.hand().truth());
         let missing = lockstep.control().task().missing();
-        Ok((ran.map_err(Into::into), score, lockstep.hand().now_ns(), last.0, missing))
+        Ok((ran.map_err(Into::into), score, lockstep.hand().now_ns(), reached, missing))
     }
 
     /// The recording in one file that was requested.

@@ -1,16 +1,12 @@
 //! Reads the image of a message, of any known schema, into a frame.
 
 use super::{cdr, foxglove};
-use crate::source::decode_image;
-use slipbound::image::SizePx;
+use crate::source::{checked_size, decode_image};
 use slipbound::pixels::{bgr, yuyv};
 use slipbound::port::{FrameBuffer, PixelFormat};
 
 /// The supported image schemas.
 pub const SCHEMAS: [&str; 4] = [foxglove::COMPRESSED, foxglove::RAW, cdr::COMPRESSED, cdr::RAW];
-
-/// Width and height beyond which a message counts as damaged: the largest a sensor file may state.
-const MAX_SIDE_PX: u64 = 8192;
 
 /// Puts the image of a message into `into` and returns its time, ns; the error says why it is torn.
 pub fn read(schema: &str, encoding: &str, message: &[u8], into: &mut FrameBuffer) -> Result<Option<u64>, String> {
@@ -27,15 +23,12 @@ pub fn read(schema: &str, encoding: &str, message: &[u8], into: &mut FrameBuffer
         decode_image(into)?;
         return Ok(picture.stamp_ns);
     }
-    let (width, height) = picture.size;
-    if !(1..=MAX_SIDE_PX).contains(&width) || !(1..=MAX_SIDE_PX).contains(&height) {
-        return Err(format!("expected an image of 1 to {MAX_SIDE_PX} px, got {width}x{height}"));
+    let [width_px, height_px, row_bytes] =
+        [picture.size.0, picture.size.1, picture.row_bytes].map(|count| usize::try_from(count).unwrap_or(usize::MAX));
+    into.size = checked_size(width_px, height_px)?;
+    if row_bytes > picture.bytes.len() {
+        return Err(format!("expected rows of at most {} bytes, the image's, got {row_bytes}", picture.bytes.len()));
     }
-    into.size = SizePx::new(width as usize, height as usize);
-    if picture.row_bytes > 16 * MAX_SIDE_PX {
-        return Err(format!("expected rows of at most {} bytes, got {}", 16 * MAX_SIDE_PX, picture.row_bytes));
-    }
-    let row_bytes = picture.row_bytes as usize;
     let words = |e: slipbound::image::ImageError| e.to_string();
     into.format = if picture.encoding == "mono8" { PixelFormat::Gray } else { PixelFormat::Rgb };
     into.pixels.resize(into.size.area() * into.format.bytes_per_pixel(), 0);
@@ -55,4 +48,28 @@ fn copy_rows<const CHANNELS: usize>(bytes: &[u8], into: &mut FrameBuffer, row_by
     into.pixels.clear();
     (0..into.size.height).for_each(|y| into.pixels.extend_from_slice(rows.row(y)));
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slipbound::image::SizePx;
+
+    /// The limit is that of every other decoder, and is checked before a buffer is allocated.
+    #[test]
+    fn a_message_that_says_too_many_pixels_makes_no_buffer() {
+        let read_back = |width_px, height_px| {
+            let (size, pixels) = (SizePx::new(width_px, height_px), vec![7; 6]);
+            let (schema, bytes) = foxglove::write(&FrameBuffer { pixels, size, ..FrameBuffer::default() }, "left", 0);
+            let mut into = FrameBuffer::default();
+            let why = read(schema, "protobuf", &bytes, &mut into).expect_err("refused");
+            (why, into.pixels.capacity())
+        };
+        for side_px in [60_000, 5_800] {
+            let expected = format!("expected 1 to 33554432 pixels, got {side_px} x {side_px}");
+            assert_eq!(read_back(side_px, side_px), (expected, 0));
+        }
+        let (why, _) = read_back(10_000, 2);
+        assert!(why.contains("expected rows of at most 6 bytes"), "long, but not too many pixels: {why}");
+    }
 }

@@ -6,7 +6,7 @@ use std::fmt;
 use std::str::FromStr;
 
 /// Every word that `FromStr` of [`Faults`] takes, with what it means.
-pub const WORDS: [(&str, &str); 20] = [
+pub const WORDS: [(&str, &str); 21] = [
     ("late=MS", "every answer that much later"),
     ("late-every=N", "every Nth answer 400 ms later"),
     ("corrupt=SHARE", "one byte changed in that share of the answers"),
@@ -19,6 +19,7 @@ pub const WORDS: [(&str, &str); 20] = [
     ("drift=N", "the force reads so many N more every second"),
     ("idle=N", "so many N are read with nothing between the jaws"),
     ("lag=MS", "the reading follows the force with this time constant"),
+    ("period=MS", "the force is read anew only every so many ms"),
     ("stall=MS@MS", "neither reads nor writes for a time, from then on"),
     ("close@MS", "closes the connection"),
     ("fast-stop@MS", "stops itself and must be acknowledged"),
@@ -113,6 +114,7 @@ impl Faults {
             (None, Some(("drift", n))) => self.sensor.drift_n_per_s = number(n)?,
             (None, Some(("idle", n))) => self.sensor.idle_n = number(n)?,
             (None, Some(("lag", ms))) => self.sensor.lag_s = ns(ms)? as f64 * 1e-9,
+            (None, Some(("period", ms))) => self.sensor.period_ns = ns(ms)?,
             (None, Some(("corrupt", share))) => self.corrupt_fraction = fraction(share)?,
             (None, Some(("drop", share))) => self.drop_fraction = fraction(share)?,
             (None, Some(("seed", seed))) => self.seed = seed.parse().ok()?,
@@ -146,10 +148,11 @@ mod tests {
         assert_eq!(got.closes_ns, [3_000_000]);
         assert_eq!(got.injections, [(7_000_000, Fault::LosePart), (0, Fault::FixedLimit)]);
         let got: Faults =
-            "bias=-3,gain=0.85,noise=2,step=0.5,drift=0.1,idle=4,lag=80,late-every=7".parse().expect("valid");
+            "bias=-3,gain=0.85,noise=2,step=0.5,drift=0.1,idle=4,lag=80,period=50,late-every=7".parse().expect("valid");
         let sensor = got.sensor;
         assert_eq!((sensor.bias_n, sensor.gain, sensor.noise_n, sensor.step_n), (-3.0, 0.85, 2.0, 0.5));
         assert_eq!((sensor.drift_n_per_s, sensor.idle_n, sensor.lag_s, got.late_every_count), (0.1, 4.0, 0.08, 7));
+        assert_eq!(sensor.period_ns, 50_000_000);
         assert_eq!("".parse(), Ok(Faults::default()));
         let got = got.joined_by("fast-stop,close@3,gain=2", 9_000_000).expect("valid");
         assert_eq!(got.injections, [(9_000_000, Fault::FastStop)]);

@@ -1,7 +1,7 @@
 //! The force sensor of an emulated gripper: reads the force of the jaws, with configurable errors.
 //!
 //! ```text
-//!   force --lag--> x gain, + bias, + drift t, + idle reading while nothing is touched --+ noise--> steps --> reading
+//!   force --lag--> x gain, + bias, + drift t, + idle reading while nothing is touched --+ noise--> steps --> reading, kept for its period
 //! ```
 
 /// Errors of a force sensor. Default: none.
@@ -21,11 +21,22 @@ pub struct SensorFaults {
     pub idle_n: f64,
     /// Time constant with which the reading follows the force, s.
     pub lag_s: f64,
+    /// Time between two readings, ns; 0: always anew.
+    pub period_ns: u64,
 }
 
 impl Default for SensorFaults {
     fn default() -> Self {
-        SensorFaults { bias_n: 0.0, gain: 1.0, noise_n: 0.0, step_n: 0.0, drift_n_per_s: 0.0, idle_n: 0.0, lag_s: 0.0 }
+        SensorFaults {
+            bias_n: 0.0,
+            gain: 1.0,
+            noise_n: 0.0,
+            step_n: 0.0,
+            drift_n_per_s: 0.0,
+            idle_n: 0.0,
+            lag_s: 0.0,
+            period_ns: 0,
+        }
     }
 }
 
@@ -36,6 +47,8 @@ pub(super) struct ForceSensor {
     random: u64,
     from_ns: Option<u64>,
     now_ns: u64,
+    /// When the next reading is due, ns.
+    due_ns: u64,
     lagged_n: f64,
     reading_n: f64,
     tared_n: f64,
@@ -55,6 +68,10 @@ impl ForceSensor {
         self.now_ns = now_ns;
         let share = if faults.lag_s > 0.0 { 1.0 - (-elapsed_s / faults.lag_s).exp() } else { 1.0 };
         self.lagged_n += share * (force_n - self.lagged_n);
+        if now_ns < self.due_ns {
+            return;
+        }
+        self.due_ns = now_ns + faults.period_ns;
         let idle_n = if touches { 0.0 } else { faults.idle_n };
         let noise_n = if faults.noise_n > 0.0 { faults.noise_n * self.draw() } else { 0.0 };
         let now_n = self.lagged_n * faults.gain + faults.bias_n + faults.drift_n_per_s * since_s + idle_n + noise_n;
@@ -119,6 +136,12 @@ mod tests {
         let (mean_n, _) = reads(SensorFaults { drift_n_per_s: 0.1, ..good }, 10.0, true);
         assert!((mean_n - 11.0).abs() < 0.01, "{mean_n}: 1 N in the mean of 20 s");
         assert_eq!(reads(SensorFaults { step_n: 4.0, ..good }, 9.0, true), (8.0, 0.0));
+        let mut rare = ForceSensor::new(SensorFaults { period_ns: 100 * MS, ..good }, 1);
+        let told_n = [0, 50, 99, 100, 150].map(|ms| {
+            rare.see(ms * MS, ms as f64, true);
+            rare.reading_n()
+        });
+        assert_eq!(told_n, [0.0, 0.0, 0.0, 100.0, 100.0]);
         let mut slow = ForceSensor::new(SensorFaults { lag_s: 0.1, ..good }, 1);
         slow.see(0, 0.0, true);
         slow.see(100 * MS, 10.0, true);

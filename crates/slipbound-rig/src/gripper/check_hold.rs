@@ -4,7 +4,7 @@
 use slipbound::grip::ForceSense;
 use slipbound::port::{GripCommand, GripperState, Jaws};
 
-/// Time for the jaws to settle at a force, ns.
+/// Time for jaws that hold to settle at a force, ns.
 const SETTLE_NS: u64 = 1_500_000_000;
 
 /// Longest time for the first grasp, ns.
@@ -15,6 +15,10 @@ const ROUNDS_COUNT: u32 = 3;
 
 /// Deepest dip below the lower of the two forces that still counts as holding, as a fraction of it.
 const DIP_FRACTION: f64 = 0.2;
+
+/// How far below that floor a dip must be to count at once, in standard deviations of the reading. One that is less deep
+/// counts as soon as the force stands there.
+const DIP_SD: f64 = 3.0;
 
 /// Largest difference between a force and its measurement after settling, as a fraction of it.
 const REACH_FRACTION: f64 = 0.2;
@@ -57,6 +61,8 @@ pub struct CheckHold {
     high_n: f64,
     changes_count: u32,
     since_ns: Option<u64>,
+    /// Since when they hold, ns.
+    holding_ns: Option<u64>,
     held_mm: Option<f64>,
     least_n: Option<f64>,
     opened_mm: Option<f64>,
@@ -72,6 +78,7 @@ impl CheckHold {
             high_n,
             changes_count: 0,
             since_ns: None,
+            holding_ns: None,
             held_mm: None,
             least_n: None,
             opened_mm: None,
@@ -108,7 +115,9 @@ impl CheckHold {
         if let Some(why) = self.watch(state) {
             return failed(why);
         }
-        if waited_ns < SETTLE_NS {
+        // The first grasp begins with the way to the object.
+        let holding_ns = *self.holding_ns.get_or_insert(now_ns);
+        if now_ns.saturating_sub(since_ns.max(holding_ns)) < SETTLE_NS {
             return Step::Wait;
         }
         let (asked_n, reach_n) = (self.force_n(), REACH_FRACTION * self.force_n());
@@ -136,8 +145,9 @@ impl CheckHold {
             let least_n = self.least_n.map_or(force_n, |least_n| least_n.min(force_n));
             self.least_n = Some(least_n);
             let floor_n = (1.0 - DIP_FRACTION) * self.low_n;
-            if least_n < floor_n {
-                return Some(format!("expected the force never below {floor_n:.1} N per finger, got {least_n:.1} N"));
+            let noise_n = if self.force.is_still() { 0.0 } else { DIP_SD * self.force.noise_n() };
+            if force_n < floor_n - noise_n {
+                return Some(format!("expected the force never below {floor_n:.1} N per finger, got {force_n:.1} N"));
             }
         }
         if let (Some(held_mm), Some(now_mm)) = (self.held_mm, state.opening_mm) {
@@ -148,5 +158,46 @@ impl CheckHold {
             }
         }
         None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The verdict on a gripper that follows at once, whose readings scatter by `noise_n`, and whose force falls to
+    /// `dip_n` for so many readings when it is lowered.
+    fn verdict(noise_n: f64, dip_n: f64, dip_count: u32) -> Verdict {
+        let (mut trial, mut target_n, mut since_count, mut random) = (CheckHold::new(20.0, 30.0), 20.0, 0, 7u64);
+        for message in 0.. {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let scatter = 12f64.sqrt() * ((random >> 11) as f64 / (1u64 << 53) as f64 - 0.5);
+            let dips = trial.changes_count == 2 && since_count < dip_count;
+            let state = GripperState {
+                time_ns: message * 20_000_000,
+                force_n: Some(if dips { dip_n } else { target_n } + noise_n * scatter),
+                force_error_n: Some(1.5 + 0.15 * target_n),
+                target_n: Some(target_n),
+                opening_mm: Some(50.0),
+                jaws: Jaws::Holding,
+            };
+            since_count += 1;
+            match trial.step(state.time_ns, &state) {
+                Step::Command(command) => (target_n, since_count) = (command.force_n().expect("a hold"), 0),
+                Step::Wait => {}
+                Step::Done(verdict) => return verdict,
+            }
+        }
+        unreachable!("the trial ends");
+    }
+
+    #[test]
+    fn a_dip_is_found_at_once_and_under_noise_where_it_is_deeper_or_stands() {
+        assert!(matches!(verdict(0.0, 20.0, 0), Verdict::Held { .. }));
+        assert!(matches!(verdict(1.0, 20.0, 0), Verdict::Held { .. }));
+        for (noise_n, dip_n, dip_count) in [(0.0, 15.5, 1), (1.0, 6.0, 10), (1.0, 14.0, 40)] {
+            let found = verdict(noise_n, dip_n, dip_count);
+            assert!(matches!(found, Verdict::Failed { .. }), "{noise_n} {dip_n} {dip_count}: {found:?}");
+        }
     }
 }

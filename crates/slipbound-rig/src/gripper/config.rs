@@ -283,6 +283,11 @@ impl Config {
         (-MOST_BIAS_N..=2.0 * most_n).contains(&force_n).then_some(force_n)
     }
 
+    /// Whether a force reading is this force, N per finger, within the error of a reading.
+    pub(super) fn is_reading_of(&self, reading_n: f64, force_n: f64) -> bool {
+        (reading_n - force_n).abs() <= self.force_error_n + self.force_error_fraction * force_n
+    }
+
     /// The force that a gripper has which is told this one, N per finger: a Robotiq takes it as a whole number.
     pub(crate) fn settable_n(&self, force_n: f64) -> f64 {
         match self.force_table.is_empty() {

@@ -327,9 +327,8 @@ impl Gcl {
     /// A force with which it holds since before our first command, within the error of its reading, is in effect: a
     /// GRIP would be denied.
     fn adopt_grip(&mut self, driver: &mut DriverState, force_n: f64) {
-        let Config { force_error_n, force_error_fraction, .. } = driver.config;
-        let error_n = force_error_n + force_error_fraction * force_n;
-        let is_measured = driver.gripper.force_n.is_some_and(|measured_n| (measured_n - force_n).abs() <= error_n);
+        let is_measured =
+            driver.gripper.force_n.is_some_and(|reading_n| driver.config.is_reading_of(reading_n, force_n));
         if self.is_holding() && !self.has_commanded && self.gripped_n.is_none() && is_measured {
             self.gripped_n = Some(force_n);
             driver.settle_target(Some(force_n));

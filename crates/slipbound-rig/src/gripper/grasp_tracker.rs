@@ -14,7 +14,7 @@ const IDLE_COUNT: u32 = 50;
 /// What is remembered of the jaws.
 #[derive(Debug, Default)]
 pub(super) struct GraspTracker {
-    /// Whether they closed, held or stopped, and have not opened since.
+    /// Whether they closed, held, stopped or pressed with the force they are set to, and have not opened since.
     is_grasped: bool,
     /// Whether they closed or held since then: a stop alone does not tell that anything is between them.
     has_closed: bool,
@@ -28,11 +28,7 @@ impl GraspTracker {
     /// A new state.
     pub fn see(&mut self, state: &GripperState, config: &Config) {
         match state.jaws {
-            Jaws::Closing | Jaws::Holding | Jaws::Stopped => {
-                self.is_grasped = true;
-                self.has_closed |= state.jaws != Jaws::Stopped;
-                self.grasped_mm = self.grasped_mm.into_iter().chain(state.opening_mm).reduce(f64::min);
-            }
+            Jaws::Closing | Jaws::Holding | Jaws::Stopped => self.see_grasp(state),
             Jaws::Nothing | Jaws::Lost => self.forget_grasp(),
             Jaws::Open if self.has_opened(state, config) => {
                 self.forget_grasp();
@@ -41,8 +37,16 @@ impl GraspTracker {
                     self.idle_n += (force_n - self.idle_n) / f64::from(self.idle_count);
                 }
             }
+            // They press on what was grasped before the link was made: no idle reading is just as high.
+            Jaws::Open if self.presses_as_set(state, config) => self.see_grasp(state),
             Jaws::Open | Jaws::Unknown => {}
         }
+    }
+
+    fn see_grasp(&mut self, state: &GripperState) {
+        self.is_grasped = true;
+        self.has_closed |= matches!(state.jaws, Jaws::Closing | Jaws::Holding);
+        self.grasped_mm = self.grasped_mm.into_iter().chain(state.opening_mm).reduce(f64::min);
     }
 
     fn forget_grasp(&mut self) {
@@ -55,17 +59,24 @@ impl GraspTracker {
         match state.jaws {
             Jaws::Closing | Jaws::Holding | Jaws::Stopped => true,
             Jaws::Nothing | Jaws::Lost => false,
-            // Jaws that were never seen to open may hold what was grasped before the link was made.
-            Jaws::Open | Jaws::Unknown => match self.is_grasped {
-                true => presses,
-                false => state.force_n.is_some() && presses && !self.has_opened(state, config),
-            },
+            Jaws::Open | Jaws::Unknown if self.is_grasped => presses,
+            Jaws::Open | Jaws::Unknown if state.force_n.is_none() || self.has_opened(state, config) => false,
+            // Jaws that were never seen to open may hold what was grasped before the link was made. A load below that
+            // of an idle reading counts only where nothing tells with which force they would press.
+            Jaws::Open if state.target_n.is_some() => self.load_n(state).is_some_and(|load_n| load_n > MOST_BIAS_N),
+            Jaws::Open | Jaws::Unknown => presses,
         }
     }
 
     /// The force reading without its idle reading, N per finger.
     fn load_n(&self, state: &GripperState) -> Option<f64> {
         state.force_n.map(|force_n| force_n - self.idle_n)
+    }
+
+    /// Whether the load is the force that the gripper is set to.
+    fn presses_as_set(&self, state: &GripperState, config: &Config) -> bool {
+        let pair_n = self.load_n(state).zip(state.target_n);
+        pair_n.is_some_and(|(load_n, target_n)| config.is_reading_of(load_n, target_n))
     }
 
     /// Whether the jaws are open by their position: wider than they held, or as wide as a release leaves them and
@@ -96,6 +107,10 @@ mod tests {
         }
     }
 
+    fn set_to(target_n: f64, state: GripperState) -> GripperState {
+        GripperState { target_n: Some(target_n), ..state }
+    }
+
     #[test]
     fn what_open_jaws_read_is_taken_off_in_the_mean_however_it_scatters() {
         let config = Config::of(Kind::Wsg50);
@@ -118,6 +133,13 @@ mod tests {
             (&[at(Jaws::Holding, 104.0, 8.0), at(Jaws::Stopped, 104.0, 8.0), at(Jaws::Open, 104.0, 8.0)], true),
             (&[at(Jaws::Holding, 104.0, 8.0), at(Jaws::Open, 109.0, 6.0)], false),
             (&[at(Jaws::Open, 100.0, 6.0), at(Jaws::Closing, 99.5, 6.0), at(Jaws::Open, 100.0, 6.0)], false),
+            (&[set_to(30.0, at(Jaws::Open, 60.0, 4.0))], false), // opened by an earlier program
+            (&[set_to(20.0, at(Jaws::Open, 50.0, 20.0))], true),
+            (&[set_to(20.0, at(Jaws::Open, 50.0, 20.0)), set_to(20.0, at(Jaws::Open, 50.0, 15.0))], true), // it flickers
+            (&[set_to(20.0, at(Jaws::Open, 50.0, 20.0)), set_to(20.0, at(Jaws::Open, 60.0, 4.0))], false), // it opens
+            (&[set_to(30.0, at(Jaws::Open, 50.0, 12.0))], true), // more than any idle reading
+            (&[set_to(30.0, at(Jaws::Unknown, 50.0, 8.0))], true),
+            (&[at(Jaws::Open, 50.0, 8.0)], true),
         ] {
             let mut grasp = GraspTracker::default();
             states.iter().for_each(|state| grasp.see(state, &config));

@@ -28,6 +28,25 @@ fn an_idle_reading_on_open_jaws_blocks_no_grasp() {
     }
 }
 
+/// Jaws that an earlier program has left open, not as wide as a release, still set to the force of its grasp.
+#[test]
+fn an_idle_reading_on_jaws_left_open_by_another_program_blocks_no_grasp() {
+    let mut bench = Bench::new("wsg50", Config { open_mm: 60.0, ..config("wsg50") }, "idle=4");
+    bench.run(200);
+    bench.grip(30.0).expect("nothing is held");
+    bench.until(5000, |state| state.jaws == Jaws::Holding);
+    bench.release().expect("taken over");
+    bench.until(5000, |state| state.jaws == Jaws::Open && state.opening_mm.is_some_and(|mm| mm > 59.9));
+    bench.request(Request::Leave).expect("taken over");
+    bench.cut("the program ended");
+    bench.pair.driver = driver("wsg50", config("wsg50"));
+    bench.connect();
+    bench.run(200);
+    bench.grip(10.0).expect("nothing is held");
+    bench.until(5000, |state| state.jaws == Jaws::Holding);
+    assert!(bench.plant.force_n < 10.1, "{}", bench.plant.force_n);
+}
+
 /// Stopped jaws keep pressing, although the gripper does not report that it holds, whatever its force reads.
 #[test]
 fn what_was_held_before_a_fast_stop_is_not_loosened_whatever_the_force_reads() {
@@ -348,61 +367,97 @@ fn a_robotiqs_fault_in_hexadecimal_is_one_without_0x_too() {
 }
 
 /// One definition of a settled force: noise of 0.3 N rms and more does not prevent a grasp or a release from
-/// completing.
+/// completing, however often a reading is repeated.
 #[test]
 fn grasp_and_release_settle_under_noise() {
-    for noise_n in [0.0, 0.3, 1.0, 2.0] {
-        let mut bench = Bench::of("wsg50", &format!("noise={noise_n},seed=5"));
-        bench.run(300);
-        for (request, wanted) in
-            [(GripCommand::Hold { force_n: 20.0 }, Jaws::Holding), (GripCommand::Release, Jaws::Open)]
-        {
-            bench.request(Request::Grip(request)).expect("taken over");
-            let (mut settled, from_ns) = (SettleDetector::default(), bench.now_ns());
-            loop {
-                bench.step();
-                let state = bench.state().expect("there");
-                if settled.see(&state, !bench.driver.is_busy() && state.jaws == wanted) {
-                    break;
+    for (name, others) in [("wsg50", ""), ("wsg50, apart", ""), ("gcl", ""), ("line", ""), ("line", ",period=100")] {
+        for noise_n in [0.0, 0.3, 1.0, 2.0] {
+            let what = format!("{name}{others} {noise_n} N rms");
+            let faults = format!("noise={noise_n},seed=5{others}");
+            let mut bench = Bench::of(name.trim_end_matches(", apart"), &faults);
+            bench.run(300);
+            if name.ends_with("apart") {
+                send_states_apart(&mut bench);
+            }
+            for (request, wanted) in
+                [(GripCommand::Hold { force_n: 20.0 }, Jaws::Holding), (GripCommand::Release, Jaws::Open)]
+            {
+                bench.request(Request::Grip(request)).expect("taken over");
+                let (mut settled, from_ns) = (SettleDetector::default(), bench.now_ns());
+                loop {
+                    bench.step();
+                    let state = bench.state().expect("there");
+                    if settled.see(&state, !bench.driver.is_busy() && state.jaws == wanted) {
+                        break;
+                    }
+                    let is_in_time = bench.now_ns() - from_ns < 15_000 * MS;
+                    assert!(is_in_time, "{what}: {request:?} never settles");
                 }
-                assert!(bench.now_ns() - from_ns < 6000 * MS, "{noise_n} N rms: {request:?} never settles");
             }
         }
     }
 }
 
+/// Makes a WSG-50 send its four states one after the other, each with a time of its own.
+fn send_states_apart(bench: &mut Bench) {
+    for id in [0x40, 0x41, 0x43, 0x45] {
+        bench.run(4);
+        let mut subscription = Vec::new();
+        frame::write(&mut subscription, id, &[1, 20, 0]);
+        let now_ns = bench.now_ns();
+        bench.emulator.receive(now_ns, &subscription);
+    }
+}
+
+/// What `check-hold` finds of a WSG-50 with these faults.
+fn check_hold(faults: &str, config: Config) -> Verdict {
+    let mut bench = Bench::new("wsg50", config, faults);
+    bench.driver.permit_lowering(true);
+    let mut trial = CheckHold::new(20.0, 30.0);
+    for _ in 0..30_000 {
+        bench.step();
+        if bench.now_ns() < 300 * MS {
+            continue; // until its state is known
+        }
+        let now_ns = bench.now_ns();
+        let state = match bench.state() {
+            Ok(state) => state,
+            Err(error) => return Verdict::Failed { why: error.to_string() },
+        };
+        match trial.step(now_ns, &state) {
+            Step::Command(command) => bench.request(Request::Grip(command)).expect("taken over"),
+            Step::Wait => {}
+            Step::Done(verdict) => return verdict,
+        }
+    }
+    panic!("{faults}: no verdict");
+}
+
+/// A block that never moves.
 #[test]
-fn check_hold_is_not_misled_by_noise_bias_or_gain_and_still_finds_a_dip() {
-    let run = |faults: &str, config: Config| {
-        let mut bench = Bench::new("wsg50", config, faults);
-        bench.driver.permit_lowering(true);
-        let mut trial = CheckHold::new(20.0, 30.0);
-        for _ in 0..30_000 {
-            bench.step();
-            if bench.now_ns() < 300 * MS {
-                continue; // until its state is known
-            }
-            let now_ns = bench.now_ns();
-            let state = match bench.state() {
-                Ok(state) => state,
-                Err(error) => return Verdict::Failed { why: error.to_string() },
-            };
-            match trial.step(now_ns, &state) {
-                Step::Command(command) => bench.request(Request::Grip(command)).expect("taken over"),
-                Step::Wait => {}
-                Step::Done(verdict) => return verdict,
+fn check_hold_takes_no_noise_for_a_dip() {
+    let mut failed = Vec::new();
+    for seed in 0..50 {
+        for (update_ms, noise_n) in [(20, 1.0), (20, 1.5), (40, 1.0), (40, 1.5)] {
+            let faults = format!("noise={noise_n},seed={seed}");
+            if let Verdict::Failed { why } = check_hold(&faults, Config { update_ms, ..config("wsg50") }) {
+                failed.push(format!("every {update_ms} ms, {faults}: {why}"));
             }
         }
-        panic!("{faults}: no verdict");
-    };
+    }
+    assert!(failed.is_empty(), "{} of 200: {failed:#?}", failed.len());
+}
+
+#[test]
+fn check_hold_is_not_misled_by_noise_bias_or_gain_and_still_finds_a_dip() {
     for faults in
         ["", "noise=1.5,seed=2", "noise=2,seed=3", "bias=3", "bias=-3", "gain=0.85", "gain=1.15,noise=1,bias=-2"]
     {
-        let verdict = run(faults, config("wsg50"));
+        let verdict = check_hold(faults, config("wsg50"));
         assert!(matches!(verdict, Verdict::Held { .. }), "{faults}: {verdict:?}");
     }
     for faults in ["lose-part@4000", "fixed-limit"] {
-        let verdict = run(faults, config("wsg50"));
+        let verdict = check_hold(faults, config("wsg50"));
         assert!(matches!(verdict, Verdict::Failed { .. }), "{faults}: {verdict:?}");
     }
 }

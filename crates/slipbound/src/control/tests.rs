@@ -284,7 +284,7 @@ fn on_a_fault_the_wrist_pauses_and_the_force_is_not_lowered_nor_the_hand_opened(
 #[test]
 fn a_refused_lower_force_is_no_fault_and_every_other_refusal_is_one() {
     let mut control = control(None);
-    let state = |target_n| GripperState { target_n, ..Scribe::default().poll_state() };
+    let state = |target_n, jaws| GripperState { target_n, jaws, ..Scribe::default().poll_state() };
     struct Refuses(GripperErrorKind, &'static str);
     impl Gripper for Refuses {
         fn command(&mut self, _: GripCommand) -> Result<(), GripperError> {
@@ -295,20 +295,23 @@ fn a_refused_lower_force_is_no_fault_and_every_other_refusal_is_one() {
             Ok(Scribe::default().poll_state())
         }
     }
-    let mut refuse = |kind, text, target_n| {
+    let mut refuse_at = |kind, text, target_n, jaws| {
         let (step, wrist) = (holds(Phase::Working), &mut Scribe::default());
-        let sent = control.command(&step, &state(target_n), &mut Refuses(kind, text), wrist);
+        let sent = control.command(&step, &state(target_n, jaws), &mut Refuses(kind, text), wrist);
         assert_eq!(sent.refused_lowering, sent.fault.is_none());
         (sent.refused_lowering, control.task.grip().force_n())
     };
     let lowering = GripperErrorKind::Lowering;
+    let open = refuse_at(lowering, "80 N to 10 N", Some(80.0), Jaws::Open);
+    assert_eq!(open, (true, 10.0), "open jaws are not closed with more than asked for");
+    let mut refuse = |kind, text, target_n| refuse_at(kind, text, target_n, Jaws::Holding);
     assert_eq!(refuse(lowering, "22 N to 15 N", Some(22.0)), (true, 22.0), "the force it goes on with");
     assert_eq!(refuse(lowering, "22 N to 14 N", Some(15.0)), (true, 22.0), "a higher one is on its way");
     assert_eq!(refuse(lowering, "30 N to 14 N", Some(30.0)), (true, 30.0));
     for kind in [GripperErrorKind::Refused, GripperErrorKind::Link, GripperErrorKind::Value] {
         assert_eq!(refuse(kind, "no", Some(40.0)), (false, 30.0), "{kind:?}");
     }
-    assert_eq!(control.refused_lowering.as_deref(), Some("22 N to 15 N"), "the first is kept");
+    assert_eq!(control.refused_lowering.as_deref(), Some("80 N to 10 N"), "the first is kept");
 }
 
 #[test]

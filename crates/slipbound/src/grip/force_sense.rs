@@ -7,6 +7,9 @@
 //!                                                '--------------------------------------------------> average
 //! ```
 //!
+//! A state may repeat the reading before it: a gripper tells its opening and its jaws in messages of their own, or its
+//! sensor is slower than its messages. A repetition carries no information on the noise and is not averaged.
+//!
 //! The loop, `gripper grasp`, `gripper release` and `check-hold` all use it. A reading without bias and noise is not
 //! changed. Commands and faults are based on the result; the record of a run holds the raw reading.
 
@@ -25,6 +28,9 @@ const CLEAN_SD_N: f64 = 0.1;
 /// Target noise of the average, N per finger, and the maximum number of readings averaged: half a second at 30 Hz.
 const AVERAGE_SD_N: f64 = 0.35;
 const MOST_READINGS_COUNT: f64 = 15.0;
+
+/// Longest time for which an equal reading can be a repetition, ns: a sensor at 5 Hz.
+const MOST_REPEATED_NS: u64 = 200_000_000;
 
 /// Time for which an average must stay within its band to count as settled, ns.
 const STILL_NS: u64 = 200_000_000;
@@ -60,7 +66,11 @@ pub struct ForceSense {
     is_idle_set: bool,
     readings_n: [f64; NOISE_COUNT],
     readings_count: usize,
+    /// Time of the state with the last new reading, ns, and that reading, N.
     last: Option<(u64, f64)>,
+    /// When the reading last changed, ns, and the time from one change to the next: that between two readings.
+    changed_ns: u64,
+    usual_ns: u64,
     average_n: Option<f64>,
     /// Consecutive readings that leave the average on the same side.
     leaves_count: i32,
@@ -82,6 +92,8 @@ impl Default for ForceSense {
             readings_n: [0.0; NOISE_COUNT],
             readings_count: 0,
             last: None,
+            changed_ns: 0,
+            usual_ns: 0,
             average_n: None,
             leaves_count: 0,
             still: None,
@@ -131,8 +143,7 @@ impl ForceSense {
         let Some(reading_n) = state.force_n.filter(|n| n.is_finite()) else {
             return GripperState { force_n: None, ..*state };
         };
-        if self.last != Some((state.time_ns, reading_n)) {
-            self.last = Some((state.time_ns, reading_n));
+        if self.is_new(state.time_ns, reading_n) {
             if !may_touch {
                 self.learn_idle(state);
             }
@@ -161,8 +172,25 @@ impl ForceSense {
         self.is_still
     }
 
+    /// Whether this is a new reading of the sensor: another value, or the same for as long as a value usually stands.
+    fn is_new(&mut self, time_ns: u64, reading_n: f64) -> bool {
+        let is_same = self.last.is_some_and(|(_, last_n)| reading_n == last_n);
+        let since_ns = self.last.map_or(0, |(last_ns, _)| time_ns.saturating_sub(last_ns));
+        if is_same && since_ns < self.usual_ns.max(1) {
+            return false;
+        }
+        if !is_same {
+            // The shortest time counts: a sensor of coarse steps repeats values, too, which are new all the same.
+            let most_ns = if self.usual_ns == 0 { MOST_REPEATED_NS } else { MOST_REPEATED_NS.min(2 * self.usual_ns) };
+            self.usual_ns = time_ns.saturating_sub(self.changed_ns).min(most_ns);
+            self.changed_ns = time_ns;
+        }
+        self.last = Some((time_ns, reading_n));
+        true
+    }
+
     /// Standard deviation of the readings, N per finger.
-    fn noise_n(&self) -> f64 {
+    pub fn noise_n(&self) -> f64 {
         if self.readings_count < NOISE_COUNT {
             return 0.0;
         }
@@ -313,6 +341,23 @@ mod tests {
                     assert!((low_n - 10.0).abs() <= 0.51 && (high_n - 20.0).abs() <= 1.01, "{what}");
                 }
             }
+        }
+    }
+
+    /// A gripper that says something every 5 ms, and whose sensor is read every 20 ms, or 100 ms.
+    #[test]
+    fn a_repeated_reading_does_not_count_again() {
+        for repeats_count in [4, 20] {
+            let (mut sense, mut noise) = (ForceSense::default(), noise(0.5));
+            let mut read_n = 0.0;
+            for message in 0..100 * repeats_count {
+                if message % repeats_count == 0 {
+                    read_n = 10.0 + noise();
+                }
+                let time_ns = message * 5_000_000;
+                sense.see(time_ns, &state(time_ns, read_n, 10.0, Jaws::Holding), true);
+            }
+            assert!((0.25..1.0).contains(&sense.noise_n()), "{}", sense.noise_n());
         }
     }
 

@@ -12,12 +12,16 @@ const SLOWED_COUNT: u32 = 3;
 const SLOWED_RATIO: f64 = 1.5;
 /// Weight of a new time between frames in the usual one.
 const PERIOD_SHARE: f64 = 0.125;
+/// Among so many first times between frames the shortest is the usual one: a camera may begin with a pause.
+const FIRST_COUNT: u32 = 5;
 
 /// Watches numbers and times of the frames that are judged.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Gap {
     last: Option<(u64, Option<u64>)>,
     usual_ns: Option<f64>,
+    /// Times between frames so far, at most [`FIRST_COUNT`].
+    times_count: u32,
     /// The last time between frames, if it was too long, and how many such agree.
     long_ns: Option<(f64, u32)>,
     /// Where the last gap began: time of the last frame before it, ns.
@@ -33,7 +37,9 @@ impl Gap {
             (Some(last_ns), Some(now_ns)) if now_ns < last_ns => true,
             (Some(last_ns), Some(now_ns)) if now_ns > last_ns => {
                 let since_ns = (now_ns - last_ns) as f64;
-                let usual_ns = *self.usual_ns.get_or_insert(since_ns);
+                let is_first = self.times_count < FIRST_COUNT;
+                self.times_count += u32::from(is_first);
+                let usual_ns = self.usual_ns.map_or(since_ns, |ns| if is_first { ns.min(since_ns) } else { ns });
                 let is_long = since_ns > LEAST_GAP_NS as f64 && since_ns > GAP_PERIODS * usual_ns;
                 let has_slowed = is_long && self.see_long(since_ns) >= SLOWED_COUNT;
                 if !is_long || has_slowed {
@@ -83,6 +89,10 @@ mod tests {
         let mut slow = Gap::default();
         assert!((0..20).all(|i| !slow.see(i, ms(500 * i))), "two frames a second");
         assert!(slow.see(20, ms(500 * 23)));
+
+        let mut late = Gap::default();
+        let gaps = [0, 600, 633, 666, 699, 1199].map(|at| late.see(at, ms(at)));
+        assert_eq!(gaps, [false, false, false, false, false, true], "a pause after the first frame is not usual");
 
         let mut numbered = Gap::default();
         assert!([0, 1, 2, 6, 11].iter().all(|&seq| !numbered.see(seq, None)));

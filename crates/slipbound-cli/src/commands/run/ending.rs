@@ -66,7 +66,7 @@ impl Ended<'_> {
                 Err(anyhow!("the source ended before the task did: {name} was still {was}, its end was not seen")
                     .into())
             }
-            Some(ending) if !ending.is_success() => Err(anyhow!("{}", ending.evidence()).into()),
+            Some(ending) if !ending.is_success() => Err(Failure::ended(ending, refused_lowering.as_deref())),
             Some(_) => Ok(if self.is_whole { outcome } else { Outcome::DataLost }),
         }
     }
