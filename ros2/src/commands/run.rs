@@ -193,7 +193,7 @@ fn run_cycles(
     console.finish(LONGEST_OTHERS);
     reports.finish(LONGEST_OTHERS);
     let Finished { observer: recorder, lost_count } = recorder.finish(LONGEST_DISK);
-    let ending = score.ending.filter(|ending| ran.is_ok() || *ending != Ending::Held);
+    let ending = score.ending.filter(|ending| ran.is_ok() || !is_timed_out(*ending));
     let mut lost = Vec::new();
     let torn_count: u64 =
         counters.iter().map(|counters| counters.lock().unwrap_or_else(PoisonError::into_inner).torn_count).sum();
@@ -237,6 +237,11 @@ fn run_cycles(
         true => Ok(()),
         false => Err(Error::DataLost(lost.join("; ")).into()),
     }
+}
+
+/// Whether the work ended because a time was over: with a fault that counts as the fault.
+fn is_timed_out(ending: Ending) -> bool {
+    matches!(ending, Ending::Held | Ending::NothingHeld)
 }
 
 /// What a run comes to.
@@ -285,7 +290,9 @@ impl CycleObserver for Console {
             if let Some((_, to_n)) = commanded_n.filter(|(from_n, to_n)| (from_n - to_n).abs() >= SHOWN_STEP_N) {
                 lines.push(format!("grip to {to_n:.1} N"));
             }
-            if let Phase::Ended(ending) = cycle.phase {
+            if let Phase::Ended(ending) = cycle.phase
+                && !(cycle.fault && is_timed_out(ending))
+            {
                 lines.push(ending.evidence().into());
             }
         }
