@@ -119,7 +119,7 @@ impl Files {
     }
 
     /// Does this work to its end. Everything is checked before the network is joined, and nothing is commanded before the
-    /// nodes of gripper and wrist are there.
+    /// nodes of gripper and wrist and the images are there.
     fn run(&self, config: &Config, control: &Control, work: Work<'_>, stop: &AtomicBool) -> Done {
         let Work { name, task, settings, wrist } = work;
         let sensors: Vec<_> = config.fingers.iter().map(|finger| &finger.finger.sensor).collect();
@@ -145,8 +145,8 @@ impl Files {
             fingers: fingers.iter().map(FingerInfo::of).collect(),
         };
         let control_loop = ControlLoop::new(fingers, task_steps).map_err(Error::from)?;
-        say(&format!("{name}: waits for its gripper in domain {}; Ctrl-C ends it", config.domain_id));
-        hand.await_devices(stop)?;
+        say(&format!("{name}: in domain {}; Ctrl-C ends it", config.domain_id));
+        hand.await_all(stop, &mut |missing| say(&format!("{name}: waits for {missing}")))?;
         let recorder = RunRecorder::create(&folder, &info, false).map_err(Error::from)?.limited(control.limits);
         run_cycles(control_loop.with_runner(Box::new(MonitorWorkers::new())), hand, recorder, control, stop)
     }

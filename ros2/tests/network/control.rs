@@ -12,10 +12,10 @@ use slipbound_lab::world::World;
 use slipbound_rig::sensors;
 use slipbound_ros2::gripper::TopicGripper;
 use slipbound_ros2::msg::{
-    CompressedImage, GripperState, HandReport, Header, SlipReport,
+    CompressedImage, GripperState, HandReport, Header, JointState, SlipReport, WristCommand,
     WristState as WristStateMessage,
 };
-use slipbound_ros2::ros::{RELIABLE, Ros, SENSOR_DATA, stamp};
+use slipbound_ros2::ros::{LAST_RELIABLE, RELIABLE, Ros, SENSOR_DATA, stamp};
 use slipbound_ros2::wrist::TopicWrist;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -243,6 +243,10 @@ fn a_gripper_node_that_vanishes_pauses_the_wrist_and_keeps_the_force() {
     let domain_id = domain_id(3);
     let mut nodes = Nodes::start(domain_id, &[]);
     let mut control = Loop::start(&["run", "lift"], TOPICS, domain_id);
+    await_that("it lifts", LONGEST_WAIT, || moves(&nodes.wrist_log));
+    let (code, said) = Loop::start_blind(&["hold"], TOPICS, domain_id).0.ended(|| {});
+    let expected = "/one/gripper/command: expected no other node that commands this gripper, got one";
+    assert!(code == Some(1) && said.contains(expected), "{code:?}: {said}");
     vanish_and_return(&mut nodes, &control, domain_id, &[]);
     control.process().interrupt();
     assert_eq!(control.process().exit_code(Duration::from_secs(10)), Some(1), "interrupted");
@@ -280,6 +284,52 @@ fn hold_commands_the_gripper_alone_and_publishes_what_it_sees() {
     assert!(!held.is_empty() && held.iter().all(|n| *n == FORCE_N), "and left holding");
     let lowered = last_line(&nodes.wrist_log).expect("a log");
     assert_eq!(lowered[2..], ["0.0000", "0.000", "false"], "the wrist was left alone");
+
+    let motions = ros.publisher::<WristCommand>("/two/wrist/command", &LAST_RELIABLE).expect("a publisher");
+    let (code, said) = Loop::start(&["run", "lift"], TOPICS, domain_id).ended(|| {
+        let header = Header { stamp: stamp(), frame_id: String::new() };
+        let (rate_rad_per_s, most_rad, rate_mm_per_s, most_mm) = (0.0, 0.0, 0.0, 0.0);
+        let motion = "pause".into();
+        let pause =
+            WristCommand { header, motion, rate_rad_per_s, most_rad, rate_mm_per_s, most_mm, time_to_live_ns: 0 };
+        motions.publish(pause).expect("said");
+    });
+    let expected = "/two/wrist/command: expected no other node that commands this wrist, got one";
+    assert!(code == Some(1) && said.contains(expected), "{code:?}: {said}");
+}
+
+#[test]
+fn a_finger_without_images_is_named_with_its_topic() {
+    let domain_id = domain_id(13);
+    let _nodes = Nodes::start(domain_id, &[]);
+    let (code, said) = Loop::start_blind(&["hold"], TOPICS, domain_id).0.ended(|| {});
+    let expected = "fingers[0].image_topic /left/image/compressed: expected images (compressed, best effort), got none";
+    assert!(code == Some(1) && said.contains(expected), "{code:?}: {said}");
+}
+
+#[test]
+fn who_waits_for_a_gripper_says_so_and_can_be_interrupted() {
+    let (mut control, _) = Loop::start_blind(&["hold"], &TOPICS.replace("/one/", "/nobody/"), domain_id(5));
+    sleep(Duration::from_secs(3));
+    control.process().interrupt();
+    let (code, said) = control.ended(|| {});
+    assert!(code == Some(1) && said.contains("slipbound-ros2: interrupted"), "{code:?}: {said}");
+    assert!(said.contains("waits for gripper: /nobody/gripper/state: expected a state"), "{said}");
+}
+
+/// The joint is there, the server is not.
+#[test]
+fn a_missing_action_server_is_named() {
+    let domain_id = domain_id(14);
+    let mut ros = Ros::new("/", "test_joint", domain_id).expect("joins");
+    let joints = ros.publisher("/joint_states", &SENSOR_DATA).expect("a publisher");
+    let (code, said) = Loop::start_blind(&["hold"], ACTION, domain_id).0.ended(|| {
+        let header = Header { stamp: stamp(), frame_id: String::new() };
+        let (name, position) = (vec!["finger_joint".into()], vec![0.110]);
+        joints.publish(JointState { header, name, position, velocity: vec![], effort: vec![] }).expect("said");
+    });
+    let expected = "gripper: /gripper_controller/gripper_cmd: expected an action server, got none";
+    assert!(code == Some(1) && said.contains(expected), "{code:?}: {said}");
 }
 
 /// What ended it is the missing answer, not an empty grasp.
