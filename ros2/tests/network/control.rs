@@ -147,6 +147,11 @@ impl Loop {
         self.process.take().expect("not ended").ended(LONGEST_WAIT, meanwhile)
     }
 
+    /// Whether a note of the run says this.
+    fn notes(&self, text: &str) -> bool {
+        self.lines("events.jsonl").iter().any(|event| event["text"].as_str().is_some_and(|told| told.contains(text)))
+    }
+
     fn lines(&self, file: &str) -> Vec<Value> {
         let text = std::fs::read_to_string(self.run.join(file)).unwrap_or_default();
         let whole = &text[..text.rfind('\n').unwrap_or(0)];
@@ -296,6 +301,24 @@ fn hold_commands_the_gripper_alone_and_publishes_what_it_sees() {
     });
     let expected = "/two/wrist/command: expected no other node that commands this wrist, got one";
     assert!(code == Some(1) && said.contains(expected), "{code:?}: {said}");
+}
+
+#[test]
+fn images_that_cannot_be_decoded_are_told_of_and_counted() {
+    let domain_id = domain_id(12);
+    let _nodes = Nodes::start(domain_id, &[]);
+    let mut ros = Ros::new("/", "test_torn", domain_id).expect("joins");
+    let images = ros.publisher(IMAGES, &SENSOR_DATA).expect("a publisher");
+    let (mut control, _) = Loop::start_blind(&["hold"], TOPICS, domain_id);
+    await_that("the first one is noted", LONGEST_WAIT, || {
+        let header = Header { stamp: stamp(), frame_id: String::new() };
+        images.publish(CompressedImage { header, format: "jpeg".into(), data: b"no image".to_vec() }).expect("shown");
+        control.notes("left: the first torn frame: ")
+    });
+    control.process().interrupt();
+    let (code, said) = control.ended(|| {});
+    assert!(code == Some(1) && said.contains("left: the first torn frame: "), "{said}");
+    assert!(said.contains(" torn") && control.notes(" images received, "), "counted, whatever ended it: {said}");
 }
 
 #[test]
