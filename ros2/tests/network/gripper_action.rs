@@ -215,6 +215,33 @@ fn jaws_are_open_once_they_move_and_are_told_to_with_an_effort() {
 }
 
 #[test]
+fn jaws_that_are_not_open_to_begin_with_are_named_with_joint_and_limit() {
+    let (name, domain_id) = ("narrow", domain_id(5));
+    let mut ros = Ros::new("/", "test_narrow", domain_id).expect("joins");
+    let mut gripper = ActionGripper::new(&mut ros, config(name)).expect("an action");
+    let server = Server::start(name, domain_id, |_| Some(Duration::ZERO));
+    for (position, expected) in [
+        (
+            0.1,
+            Err("finger_joint of /narrow/joint_states: expected 0.1078 or more (control.action.open_position 0.11) \
+            to begin with, got 0.1000"),
+        ),
+        (0.11, Ok(Jaws::Open)),
+    ] {
+        *server.position.lock().expect("whole") = position;
+        let until = Instant::now() + LONGEST_WAIT;
+        loop {
+            let told = gripper.poll().map(|state| state.jaws).map_err(|e| e.to_string());
+            if told == expected.map_err(str::to_owned) {
+                break;
+            }
+            assert!(Instant::now() < until, "{told:?} at {position}");
+            sleep(CYCLE);
+        }
+    }
+}
+
+#[test]
 fn jaws_without_a_way_are_refused() {
     let mut ros = Ros::new("/", "test_positions", domain_id(5)).expect("joins");
     let good = config("positions");
