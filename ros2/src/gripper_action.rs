@@ -260,6 +260,19 @@ impl ActionGripper {
         Ok(())
     }
 
+    /// Why no first goal can be sent: the jaws are to be open before it.
+    fn not_open(&self) -> String {
+        let ActionGripperConfig { joint, joint_states, open_position: open, closed_position: closed, .. } =
+            &self.config;
+        let limit = open - END_FRACTION * (open - closed);
+        let side = if open > closed { "more" } else { "less" };
+        format!(
+            "{joint} of {joint_states}: expected {limit:.4} or {side} (control.action.open_position {open}) to begin with, \
+             got {:.4}",
+            self.position
+        )
+    }
+
     /// Whether the joint has moved towards its open position since the goal to open was accepted.
     fn has_moved_open(&self) -> bool {
         let way = self.config.open_position - self.config.closed_position;
@@ -322,6 +335,9 @@ impl Gripper for ActionGripper {
             return Err(fault);
         }
         let jaws = self.jaws(now_ns);
+        if jaws == Jaws::Unknown && self.pending.is_none() {
+            return Err(GripperError::new(GripperErrorKind::NotReady, self.not_open()));
+        }
         self.has_held |= jaws == Jaws::Holding && !self.opens;
         let (open, closed) = (self.config.open_position, self.config.closed_position);
         Ok(GripperState {

@@ -7,7 +7,7 @@
 //!   gripper, wrist: state topics ---------------------------------'                      '--> ReportTopics, Overlays
 //! ```
 
-use crate::config::{Config, Control, GripperAddress};
+use crate::config::{Config, Control, Finger, GripperAddress, ImageQos, ImageType};
 use crate::counters::{DIAGNOSTICS_NS, FingerCounters};
 use crate::error::Error;
 use crate::finger_topics::{self, FingerTopics};
@@ -15,9 +15,9 @@ use crate::gripper::TopicGripper;
 use crate::gripper_action::ActionGripper;
 use crate::image_topic::{ImageSource, ImageTopic};
 use crate::lifecycle::State;
-use crate::msg::{DiagnosticArray, HandReport, Header, Time};
+use crate::msg::{DiagnosticArray, GripCommand, HandReport, Header, Time, TopicType, WristCommand};
 use crate::overlay::OverlayThread;
-use crate::ros::{RELIABLE, Ros, stamp, unix_ns};
+use crate::ros::{RELIABLE, Ros, SENSOR_DATA, stamp, unix_ns};
 use crate::wrist::TopicWrist;
 use ros2_client::Publisher;
 use slipbound::control::{CycleObserver, CycleView};
@@ -32,6 +32,9 @@ use std::time::{Duration, Instant};
 
 /// Longest wait for the nodes of gripper and wrist before the loop begins: discovery takes seconds on a busy computer.
 const LONGEST_DISCOVERY: Duration = Duration::from_secs(20);
+
+/// Time for which the commands of other nodes are listened for: a loop sends one in every cycle, ten a second or more.
+const LISTENING: Duration = Duration::from_millis(500);
 
 /// What a control loop needs of ROS.
 pub struct RosHand {
@@ -49,8 +52,14 @@ pub struct RosHand {
     pub overlays: Overlays,
     /// Counts of every finger's images.
     pub counters: Vec<Arc<Mutex<FingerCounters>>>,
+    /// Name of the gripper's action, if it has one.
+    action: Option<String>,
+    /// For every finger, what is missing as long as no image came.
+    no_images: Vec<String>,
+    /// Whether another node has commanded the gripper or the wrist; none once the loop begins, which commands there itself.
+    others: Vec<Others>,
     /// The node, which lives as long as its topics.
-    _ros: Ros,
+    ros: Ros,
 }
 
 impl RosHand {
@@ -58,12 +67,23 @@ impl RosHand {
     pub fn join(config: &Config, control: &Control, wrist: Option<&str>) -> Result<Self, Error> {
         let ros = Ros::new(&config.namespace, &config.node, config.domain_id)?;
         let mut ros = ros.with_services(config.service_mapping);
+        let action = match &control.gripper {
+            GripperAddress::Topics(_) => None,
+            GripperAddress::Action(action) => Some(action.action.clone()),
+        };
+        let mut others = Vec::new();
         let gripper: Box<dyn Gripper> = match &control.gripper {
-            GripperAddress::Topics(base) => Box::new(TopicGripper::new(&mut ros, base)?),
+            GripperAddress::Topics(base) => {
+                others.push(Others::new::<GripCommand>(&mut ros, base, "gripper")?);
+                Box::new(TopicGripper::new(&mut ros, base)?)
+            }
             GripperAddress::Action(action) => Box::new(ActionGripper::new(&mut ros, action.clone())?),
         };
         let wrist: Box<dyn Wrist> = match wrist {
-            Some(base) => Box::new(TopicWrist::new(&mut ros, base)?),
+            Some(base) => {
+                others.push(Others::new::<WristCommand>(&mut ros, base, "wrist")?);
+                Box::new(TopicWrist::new(&mut ros, base)?)
+            }
             None => Box::new(Dry::default()),
         };
         let (mut fingers, mut outputs, mut overlays) = (Vec::new(), Vec::new(), Vec::new());
@@ -97,24 +117,98 @@ impl RosHand {
                 diagnosed_ns: 0,
             },
             overlays: Overlays(overlays),
-            _ros: ros,
+            no_images: config
+                .fingers
+                .iter()
+                .enumerate()
+                .map(|(place, finger)| no_images(config, place, finger))
+                .collect(),
+            others,
+            action,
+            ros,
         })
     }
 
-    /// Waits for the nodes of gripper and wrist: the patience of the loop is for links that are lost later. The error is
-    /// what is missing.
-    pub fn await_devices(&mut self, stop: &AtomicBool) -> Result<(), String> {
+    /// Waits for the nodes of gripper and wrist and for the first image of every finger: the patience of the loop is for
+    /// links that are lost later. Then nobody else may command gripper and wrist. The error is what is missing. `waits`
+    /// is called with each thing that is waited for.
+    pub fn await_all(&mut self, stop: &AtomicBool, waits: &mut dyn FnMut(&str)) -> Result<(), String> {
         let until = Instant::now() + LONGEST_DISCOVERY;
-        loop {
-            let missing = match (self.gripper.poll(), self.wrist.poll()) {
-                (Ok(_), Ok(_)) => return Ok(()),
-                (Err(e), _) => format!("gripper: {e}"),
-                (_, Err(e)) => format!("wrist: {e}"),
-            };
-            if stop.load(Ordering::Relaxed) || Instant::now() >= until {
+        let mut told = None;
+        while let Some((device, missing)) = self.missing() {
+            if told.as_ref() != Some(&device) {
+                waits(&missing);
+                told = Some(device);
+            }
+            if Instant::now() >= until {
                 return Err(missing);
             }
-            sleep(Duration::from_millis(10));
+            pause(stop)?;
+        }
+        let until = Instant::now() + LISTENING;
+        while Instant::now() < until {
+            self.others.iter_mut().try_for_each(Others::check)?;
+            pause(stop)?;
+        }
+        self.others.clear();
+        Ok(())
+    }
+
+    /// The first thing that is not there yet, by its number and in words.
+    fn missing(&mut self) -> Option<(usize, String)> {
+        if let Err(e) = self.gripper.poll() {
+            return Some((0, format!("gripper: {e}")));
+        }
+        // A publisher of the feedback is the server.
+        let is_absent = |action: &&String| self.ros.node().publisher_count(&format!("{action}/_action/feedback")) == 0;
+        if let Some(action) = self.action.as_ref().filter(is_absent) {
+            return Some((1, format!("gripper: {action}: expected an action server, got none")));
+        }
+        if let Err(e) = self.wrist.poll() {
+            return Some((2, format!("wrist: {e}")));
+        }
+        let place = self.arrivals.iter().position(|arrivals| !arrivals.is_waiting())?;
+        Some((3 + place, self.no_images[place].clone()))
+    }
+}
+
+/// A short time; the error is that of the user who does not want to wait.
+fn pause(stop: &AtomicBool) -> Result<(), String> {
+    sleep(Duration::from_millis(10));
+    if stop.load(Ordering::Relaxed) { Err("interrupted; nothing was commanded".into()) } else { Ok(()) }
+}
+
+fn no_images(config: &Config, place: usize, finger: &Finger) -> String {
+    let kind = match finger.image_type {
+        ImageType::Compressed => "compressed",
+        ImageType::Raw => "raw",
+    };
+    let qos = match config.image_qos {
+        ImageQos::SensorData => "best effort",
+        ImageQos::Reliable => "reliable",
+    };
+    format!("fingers[{place}].image_topic {}: expected images ({kind}, {qos}), got none", finger.image_topic)
+}
+
+/// Other nodes that command a device.
+struct Others {
+    topic: String,
+    device: &'static str,
+    has_heard: Box<dyn FnMut() -> bool + Send>,
+}
+
+impl Others {
+    fn new<M: TopicType>(ros: &mut Ros, base: &str, device: &'static str) -> Result<Self, Error> {
+        let topic = format!("{base}/command");
+        let mut inbox = ros.inbox::<M>(&topic, &SENSOR_DATA)?; // reliable, it would wait for what it has missed;
+        Ok(Others { topic, device, has_heard: Box::new(move || inbox.newest().is_some()) })
+    }
+
+    fn check(&mut self) -> Result<(), String> {
+        let Others { topic, device, has_heard } = self;
+        match has_heard() {
+            true => Err(format!("{topic}: expected no other node that commands this {device}, got one")),
+            false => Ok(()),
         }
     }
 }

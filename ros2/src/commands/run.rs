@@ -2,6 +2,7 @@
 
 use super::Done;
 use slipbound::control::{ControlLoop, Cycle, CycleObserver, CycleView};
+use slipbound::finger_pipeline::FingerView;
 use slipbound::image::SizePx;
 use slipbound::port::Next;
 use slipbound::setting::SettingError;
@@ -11,12 +12,13 @@ use slipbound_rig::link::now_ns;
 use slipbound_rig::realtime::{self, Finished, FramesDue, MonitorWorkers, QueuedObserver};
 use slipbound_rig::run::{self, FingerInfo, Row, RunInfo, RunNotes, RunRecorder};
 use slipbound_ros2::config::{self, Config, Control, GripperAddress};
+use slipbound_ros2::counters::FingerCounters;
 use slipbound_ros2::error::Error;
 use slipbound_ros2::ros_hand::RosHand;
 use std::io::Write as _;
 use std::path::PathBuf;
-use std::sync::PoisonError;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// The duration given to an endless hold, ns: eleven days.
@@ -119,7 +121,7 @@ impl Files {
     }
 
     /// Does this work to its end. Everything is checked before the network is joined, and nothing is commanded before the
-    /// nodes of gripper and wrist are there.
+    /// nodes of gripper and wrist and the images are there.
     fn run(&self, config: &Config, control: &Control, work: Work<'_>, stop: &AtomicBool) -> Done {
         let Work { name, task, settings, wrist } = work;
         let sensors: Vec<_> = config.fingers.iter().map(|finger| &finger.finger.sensor).collect();
@@ -145,8 +147,8 @@ impl Files {
             fingers: fingers.iter().map(FingerInfo::of).collect(),
         };
         let control_loop = ControlLoop::new(fingers, task_steps).map_err(Error::from)?;
-        say(&format!("{name}: waits for its gripper in domain {}; Ctrl-C ends it", config.domain_id));
-        hand.await_devices(stop)?;
+        say(&format!("{name}: in domain {}; Ctrl-C ends it", config.domain_id));
+        hand.await_all(stop, &mut |missing| say(&format!("{name}: waits for {missing}")))?;
         let recorder = RunRecorder::create(&folder, &info, false).map_err(Error::from)?.limited(control.limits);
         run_cycles(control_loop.with_runner(Box::new(MonitorWorkers::new())), hand, recorder, control, stop)
     }
@@ -193,13 +195,10 @@ fn run_cycles(
     console.finish(LONGEST_OTHERS);
     reports.finish(LONGEST_OTHERS);
     let Finished { observer: recorder, lost_count } = recorder.finish(LONGEST_DISK);
-    let ending = score.ending.filter(|ending| ran.is_ok() || *ending != Ending::Held);
+    let ending = score.ending.filter(|ending| ran.is_ok() || !is_timed_out(*ending));
     let mut lost = Vec::new();
-    let torn_count: u64 =
-        counters.iter().map(|counters| counters.lock().unwrap_or_else(PoisonError::into_inner).torn_count).sum();
-    if torn_count + score.other_size_count > 0 {
-        lost.push(format!("{torn_count} images were torn, {} of another size than the first", score.other_size_count));
-    }
+    let images: Vec<(String, bool)> = score.images.iter().zip(&counters).map(|(images, of)| images.tally(of)).collect();
+    lost.extend(images.iter().filter(|(_, is_whole)| !is_whole).map(|(line, _)| line.clone()));
     if lost_count > 0 {
         lost.push(format!("{lost_count} cycles were not written: the disk did not keep up"));
     }
@@ -211,10 +210,13 @@ fn run_cycles(
         row("largest force commanded", format!("{:.1} N", score.most_n)),
         row("grip at the end", held_n.map_or("unknown".into(), |n| format!("{n:.1} N per finger"))),
     ];
+    images.iter().for_each(|(line, _)| say(&format!("  {line}")));
     rows.iter().for_each(|row| say(&format!("  {:<28}{}", row.name, row.value)));
     match recorder {
         None => lost.push("report.html was not written: the disk did not answer".into()),
         Some(mut recorder) => {
+            recorder.end_cycles();
+            images.iter().for_each(|(line, _)| recorder.note(now_ns(), line));
             if let Err(e) = &ran {
                 recorder.note(now_ns(), &e.to_string());
             }
@@ -239,23 +241,51 @@ fn run_cycles(
     }
 }
 
+/// Whether the work ended because a time was over: with a fault that counts as the fault.
+fn is_timed_out(ending: Ending) -> bool {
+    matches!(ending, Ending::Held | Ending::NothingHeld)
+}
+
 /// What a run comes to.
 #[derive(Default)]
 struct Score {
     ending: Option<Ending>,
     alarms_count: u32,
     most_n: f64,
-    /// The size of every finger's first image, and how many had another one.
-    first_sizes: Vec<Option<SizePx>>,
-    other_size_count: u64,
+    images: Vec<ImageSizes>,
+}
+
+/// The size of a finger's first image, and how many had another one.
+#[derive(Clone, Default)]
+struct ImageSizes {
+    finger: String,
+    first: Option<SizePx>,
+    other_count: u64,
+}
+
+impl ImageSizes {
+    /// A line with what came of the images of these counters, and whether all were whole and of the first one's size.
+    fn tally(&self, counters: &Mutex<FingerCounters>) -> (String, bool) {
+        let FingerCounters { received_count, torn_count, .. } =
+            *counters.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut line = format!("{}: {received_count} images received, {torn_count} torn", self.finger);
+        if self.other_count > 0 {
+            line = format!("{line}, {} of another size than the first", self.other_count);
+        }
+        (line, torn_count + self.other_count == 0)
+    }
 }
 
 impl CycleObserver for Score {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
-        self.first_sizes.resize(view.fingers.len(), None);
-        for (finger, first) in view.fingers.iter().zip(&mut self.first_sizes) {
-            let is_other = *finger.next == Next::Frame && *first.get_or_insert(finger.frame.size) != finger.frame.size;
-            self.other_size_count += u64::from(is_other);
+        if self.images.is_empty() {
+            let images = |finger: &FingerView<'_>| ImageSizes { finger: finger.name.into(), ..ImageSizes::default() };
+            self.images = view.fingers.iter().map(images).collect();
+        }
+        for (finger, images) in view.fingers.iter().zip(&mut self.images) {
+            let size = finger.frame.size;
+            let is_other = *finger.next == Next::Frame && *images.first.get_or_insert(size) != size;
+            images.other_count += u64::from(is_other);
         }
         let Some(cycle) = view.cycle() else { return };
         if let Phase::Ended(ending) = cycle.phase {
@@ -285,7 +315,9 @@ impl CycleObserver for Console {
             if let Some((_, to_n)) = commanded_n.filter(|(from_n, to_n)| (from_n - to_n).abs() >= SHOWN_STEP_N) {
                 lines.push(format!("grip to {to_n:.1} N"));
             }
-            if let Phase::Ended(ending) = cycle.phase {
+            if let Phase::Ended(ending) = cycle.phase
+                && !(cycle.fault && is_timed_out(ending))
+            {
                 lines.push(ending.evidence().into());
             }
         }

@@ -1,5 +1,6 @@
 //! `slipbound-ros2 hold` and `run`, whose gripper and wrist are nodes in other processes, which are killed and restarted.
 
+use crate::gripper_action::Server;
 use crate::process::{LONGEST_WAIT, Process, domain_id, next};
 use serde_json::Value;
 use slipbound::port::{
@@ -11,9 +12,10 @@ use slipbound_lab::world::World;
 use slipbound_rig::sensors;
 use slipbound_ros2::gripper::TopicGripper;
 use slipbound_ros2::msg::{
-    CompressedImage, GripperState, HandReport, Header, SlipReport, WristState as WristStateMessage,
+    CompressedImage, GripperState, HandReport, Header, JointState, SlipReport, WristCommand,
+    WristState as WristStateMessage,
 };
-use slipbound_ros2::ros::{RELIABLE, Ros, SENSOR_DATA, stamp};
+use slipbound_ros2::ros::{LAST_RELIABLE, RELIABLE, Ros, SENSOR_DATA, stamp};
 use slipbound_ros2::wrist::TopicWrist;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -87,6 +89,10 @@ fn await_that(what: &str, longest: Duration, mut is_so: impl FnMut() -> bool) ->
 
 const TOPICS: &str = "[control]\ngripper = \"ros2:///one/gripper\"\nwrist = \"ros2:///two/wrist\"\n";
 
+const ACTION: &str = "[control]\ngripper = \"ros2+action:///gripper_controller/gripper_cmd\"\n\
+    wrist = \"ros2:///two/wrist\"\n[control.action]\njoint = \"finger_joint\"\nclosed_position = 0.0\n\
+    open_position = 0.110\nopening_mm = 110.0\neffort_is_force = true\n";
+
 /// The files of a command with one finger that lifts far and slowly, and this table.
 fn files(folder: &Path, control: &str) -> World {
     let world =
@@ -107,7 +113,7 @@ fn files(folder: &Path, control: &str) -> World {
 
 /// A process with the control loop, and the camera of its finger.
 struct Loop {
-    process: Process,
+    process: Option<Process>,
     run: PathBuf,
     stop: Arc<AtomicBool>,
     camera: Option<thread::JoinHandle<()>>,
@@ -117,14 +123,33 @@ struct Loop {
 impl Loop {
     /// Of this command, with arguments beside its file.
     fn start(command: &[&str], control: &str, domain_id: u16) -> Self {
+        let (mut begun, mut world) = Loop::start_blind(command, control, domain_id);
+        begun.camera = Some(camera(&mut world, domain_id, begun.stop.clone()));
+        begun
+    }
+
+    /// The same without a camera.
+    fn start_blind(command: &[&str], control: &str, domain_id: u16) -> (Self, World) {
         let folder = tempfile::tempdir().expect("a folder");
-        let mut world = files(folder.path(), control);
+        let world = files(folder.path(), control);
         let (config, run) = (folder.path().join("node.toml"), folder.path().join("run"));
         let paths = [config.to_str().expect("UTF-8"), "--output", run.to_str().expect("UTF-8")];
-        let process = Process::start(&[command, &paths].concat(), domain_id);
-        let stop = Arc::new(AtomicBool::new(false));
-        let camera = Some(camera(&mut world, domain_id, stop.clone()));
-        Loop { process, run, stop, camera, _folder: folder }
+        let process = Some(Process::start(&[command, &paths].concat(), domain_id));
+        (Loop { process, run, stop: Arc::new(AtomicBool::new(false)), camera: None, _folder: folder }, world)
+    }
+
+    fn process(&mut self) -> &mut Process {
+        self.process.as_mut().expect("not ended")
+    }
+
+    /// As [`Process::ended`].
+    fn ended(&mut self, meanwhile: impl FnMut()) -> (Option<i32>, String) {
+        self.process.take().expect("not ended").ended(LONGEST_WAIT, meanwhile)
+    }
+
+    /// Whether a note of the run says this.
+    fn notes(&self, text: &str) -> bool {
+        self.lines("events.jsonl").iter().any(|event| event["text"].as_str().is_some_and(|told| told.contains(text)))
     }
 
     fn lines(&self, file: &str) -> Vec<Value> {
@@ -223,9 +248,13 @@ fn a_gripper_node_that_vanishes_pauses_the_wrist_and_keeps_the_force() {
     let domain_id = domain_id(3);
     let mut nodes = Nodes::start(domain_id, &[]);
     let mut control = Loop::start(&["run", "lift"], TOPICS, domain_id);
+    await_that("it lifts", LONGEST_WAIT, || moves(&nodes.wrist_log));
+    let (code, said) = Loop::start_blind(&["hold"], TOPICS, domain_id).0.ended(|| {});
+    let expected = "/one/gripper/command: expected no other node that commands this gripper, got one";
+    assert!(code == Some(1) && said.contains(expected), "{code:?}: {said}");
     vanish_and_return(&mut nodes, &control, domain_id, &[]);
-    control.process.interrupt();
-    assert_eq!(control.process.exit_code(Duration::from_secs(10)), Some(1), "interrupted");
+    control.process().interrupt();
+    assert_eq!(control.process().exit_code(Duration::from_secs(10)), Some(1), "interrupted");
     await_that("the wrist stands", WRIST, || !moves(&nodes.wrist_log));
     assert_eq!(targets_n(&nodes.again_log).last(), Some(&FORCE_N), "and when the loop has ended, neither");
 }
@@ -234,14 +263,11 @@ fn a_gripper_node_that_vanishes_pauses_the_wrist_and_keeps_the_force() {
 fn an_action_gripper_that_vanishes_pauses_the_wrist_and_keeps_the_force() {
     let domain_id = domain_id(7);
     let action = ["--action", "/gripper_controller/gripper_cmd"];
-    let table = "[control]\ngripper = \"ros2+action:///gripper_controller/gripper_cmd\"\nwrist = \"ros2:///two/wrist\"\n\
-        [control.action]\njoint = \"finger_joint\"\nclosed_position = 0.0\nopen_position = 0.110\nopening_mm = 110.0\n\
-        effort_is_force = true\n";
     let mut nodes = Nodes::start(domain_id, &action);
-    let mut control = Loop::start(&["run", "lift"], table, domain_id);
+    let mut control = Loop::start(&["run", "lift"], ACTION, domain_id);
     vanish_and_return(&mut nodes, &control, domain_id, &action);
     nodes.kill_gripper();
-    assert_eq!(control.process.exit_code(Duration::from_secs(20)), Some(1), "gone for more than ten seconds");
+    assert_eq!(control.process().exit_code(Duration::from_secs(20)), Some(1), "gone for more than ten seconds");
     assert!(control.waits() && !moves(&nodes.wrist_log));
     assert_eq!(targets_n(&nodes.again_log).last(), Some(&FORCE_N));
 }
@@ -258,11 +284,88 @@ fn hold_commands_the_gripper_alone_and_publishes_what_it_sees() {
     assert_eq!((report.finger.as_str(), report.header.frame_id.as_str()), ("left", "camera"));
     assert_eq!(report.header.stamp.ns(), Some(report.time_ns));
     assert_eq!(next(&mut hands, LONGEST_WAIT).expect("a report").health[0], "live");
-    assert_eq!(control.process.exit_code(LONGEST_WAIT), Some(0), "held to the end of its time");
+    assert_eq!(control.process().exit_code(LONGEST_WAIT), Some(0), "held to the end of its time");
     let held: Vec<f64> = targets_n(&nodes.gripper_log).into_iter().skip_while(|n| *n != FORCE_N).collect();
     assert!(!held.is_empty() && held.iter().all(|n| *n == FORCE_N), "and left holding");
     let lowered = last_line(&nodes.wrist_log).expect("a log");
     assert_eq!(lowered[2..], ["0.0000", "0.000", "false"], "the wrist was left alone");
+
+    let motions = ros.publisher::<WristCommand>("/two/wrist/command", &LAST_RELIABLE).expect("a publisher");
+    let (code, said) = Loop::start(&["run", "lift"], TOPICS, domain_id).ended(|| {
+        let header = Header { stamp: stamp(), frame_id: String::new() };
+        let (rate_rad_per_s, most_rad, rate_mm_per_s, most_mm) = (0.0, 0.0, 0.0, 0.0);
+        let motion = "pause".into();
+        let pause =
+            WristCommand { header, motion, rate_rad_per_s, most_rad, rate_mm_per_s, most_mm, time_to_live_ns: 0 };
+        motions.publish(pause).expect("said");
+    });
+    let expected = "/two/wrist/command: expected no other node that commands this wrist, got one";
+    assert!(code == Some(1) && said.contains(expected), "{code:?}: {said}");
+}
+
+#[test]
+fn images_that_cannot_be_decoded_are_told_of_and_counted() {
+    let domain_id = domain_id(12);
+    let _nodes = Nodes::start(domain_id, &[]);
+    let mut ros = Ros::new("/", "test_torn", domain_id).expect("joins");
+    let images = ros.publisher(IMAGES, &SENSOR_DATA).expect("a publisher");
+    let (mut control, _) = Loop::start_blind(&["hold"], TOPICS, domain_id);
+    await_that("the first one is noted", LONGEST_WAIT, || {
+        let header = Header { stamp: stamp(), frame_id: String::new() };
+        images.publish(CompressedImage { header, format: "jpeg".into(), data: b"no image".to_vec() }).expect("shown");
+        control.notes("left: the first torn frame: ")
+    });
+    control.process().interrupt();
+    let (code, said) = control.ended(|| {});
+    assert!(code == Some(1) && said.contains("left: the first torn frame: "), "{said}");
+    assert!(said.contains(" torn") && control.notes(" images received, "), "counted, whatever ended it: {said}");
+}
+
+#[test]
+fn a_finger_without_images_is_named_with_its_topic() {
+    let domain_id = domain_id(13);
+    let _nodes = Nodes::start(domain_id, &[]);
+    let (code, said) = Loop::start_blind(&["hold"], TOPICS, domain_id).0.ended(|| {});
+    let expected = "fingers[0].image_topic /left/image/compressed: expected images (compressed, best effort), got none";
+    assert!(code == Some(1) && said.contains(expected), "{code:?}: {said}");
+}
+
+#[test]
+fn who_waits_for_a_gripper_says_so_and_can_be_interrupted() {
+    let (mut control, _) = Loop::start_blind(&["hold"], &TOPICS.replace("/one/", "/nobody/"), domain_id(5));
+    sleep(Duration::from_secs(3));
+    control.process().interrupt();
+    let (code, said) = control.ended(|| {});
+    assert!(code == Some(1) && said.contains("slipbound-ros2: interrupted"), "{code:?}: {said}");
+    assert!(said.contains("waits for gripper: /nobody/gripper/state: expected a state"), "{said}");
+}
+
+/// The joint is there, the server is not.
+#[test]
+fn a_missing_action_server_is_named() {
+    let domain_id = domain_id(14);
+    let mut ros = Ros::new("/", "test_joint", domain_id).expect("joins");
+    let joints = ros.publisher("/joint_states", &SENSOR_DATA).expect("a publisher");
+    let (code, said) = Loop::start_blind(&["hold"], ACTION, domain_id).0.ended(|| {
+        let header = Header { stamp: stamp(), frame_id: String::new() };
+        let (name, position) = (vec!["finger_joint".into()], vec![0.110]);
+        joints.publish(JointState { header, name, position, velocity: vec![], effort: vec![] }).expect("said");
+    });
+    let expected = "gripper: /gripper_controller/gripper_cmd: expected an action server, got none";
+    assert!(code == Some(1) && said.contains(expected), "{code:?}: {said}");
+}
+
+/// What ended it is the missing answer, not an empty grasp.
+#[test]
+fn an_action_server_that_never_answers_is_what_a_hold_ends_with() {
+    let domain_id = domain_id(14);
+    let _server = Server::start("mute", domain_id, |_| None);
+    let table = ACTION.replace("/gripper_controller/", "/mute/") + "joint_states = \"/mute/joint_states\"\n";
+    let (code, said) = Loop::start(&["hold"], &table, domain_id).ended(|| {});
+    let expected = "slipbound-ros2: gripper: /mute/gripper_cmd: expected an answer within 500 ms, got none";
+    assert!(code == Some(1) && said.contains(expected), "{code:?}: {said}");
+    let ended = said.lines().find(|line| line.starts_with("  ended")).expect("a row");
+    assert!(ended.contains("expected an answer") && !said.contains("nothing was found"), "{said}");
 }
 
 /// Before any node is looked for.
@@ -364,8 +467,8 @@ fn a_link_that_is_cut_stops_the_wrist_and_keeps_the_force() {
     let back = await_that("it lifts again", Duration::from_secs(9), || moves(&nodes.wrist_log));
     println!("link cut for 2 s: wrist stands after {stood:?}; up: it lifts again after {back:?}");
     assert!(control.commanded_n().iter().all(|n| *n == FORCE_N));
-    control.process.interrupt();
-    assert_eq!(control.process.exit_code(Duration::from_secs(10)), Some(1), "interrupted");
+    control.process().interrupt();
+    assert_eq!(control.process().exit_code(Duration::from_secs(10)), Some(1), "interrupted");
     let held: Vec<f64> = targets_n(&nodes.gripper_log).into_iter().skip_while(|n| *n != FORCE_N).collect();
     assert!(!held.is_empty() && held.iter().all(|n| *n == FORCE_N), "nothing was let go");
 }

@@ -19,8 +19,9 @@ const CYCLE: Duration = Duration::from_millis(33);
 /// Delay of the answer to a goal of this force, N; None: never.
 type Answers = fn(f64) -> Option<Duration>;
 
-/// A server that executes every goal at once and answers after a delay. Its joint stands where the test puts it.
-struct Server {
+/// A server that executes every goal at once and answers after a delay. Its joint is open before the first goal, closes to
+/// 28 mm with it, and stands where the test puts it.
+pub struct Server {
     stop: Arc<AtomicBool>,
     goals_n: Arc<Mutex<Vec<f64>>>,
     position: Arc<Mutex<f64>>,
@@ -28,9 +29,9 @@ struct Server {
 }
 
 impl Server {
-    fn start(name: &'static str, domain_id: u16, answers: Answers) -> Self {
+    pub fn start(name: &'static str, domain_id: u16, answers: Answers) -> Self {
         let (stop, goals_n) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Vec::new())));
-        let position = Arc::new(Mutex::new(0.028));
+        let position = Arc::new(Mutex::new(0.110));
         let (stops, taken_n, stands_at) = (stop.clone(), goals_n.clone(), position.clone());
         let thread = thread::spawn(move || {
             let mut ros = Ros::new("/", &format!("{name}_server"), domain_id).expect("joins");
@@ -51,7 +52,11 @@ impl Server {
             while !stops.load(Ordering::Relaxed) {
                 while let Ok(Some((id, request))) = server.receive_goal() {
                     let force_n = request.goal.max_effort;
-                    taken_n.lock().expect("whole").push(force_n);
+                    let mut taken_n = taken_n.lock().expect("whole");
+                    if taken_n.is_empty() {
+                        *stands_at.lock().expect("whole") = 0.028;
+                    }
+                    taken_n.push(force_n);
                     due.extend(answers(force_n).map(|after| (Instant::now() + after, id)));
                 }
                 due.retain(|(at, id)| {
@@ -207,6 +212,33 @@ fn jaws_are_open_once_they_move_and_are_told_to_with_an_effort() {
     *server.position.lock().expect("whole") = 0.04;
     let moves: Vec<Jaws> = (0..20).map(|_| release(&mut gripper)).collect();
     assert_eq!(moves.last(), Some(&Jaws::Open), "{moves:?}");
+}
+
+#[test]
+fn jaws_that_are_not_open_to_begin_with_are_named_with_joint_and_limit() {
+    let (name, domain_id) = ("narrow", domain_id(5));
+    let mut ros = Ros::new("/", "test_narrow", domain_id).expect("joins");
+    let mut gripper = ActionGripper::new(&mut ros, config(name)).expect("an action");
+    let server = Server::start(name, domain_id, |_| Some(Duration::ZERO));
+    for (position, expected) in [
+        (
+            0.1,
+            Err("finger_joint of /narrow/joint_states: expected 0.1078 or more (control.action.open_position 0.11) \
+            to begin with, got 0.1000"),
+        ),
+        (0.11, Ok(Jaws::Open)),
+    ] {
+        *server.position.lock().expect("whole") = position;
+        let until = Instant::now() + LONGEST_WAIT;
+        loop {
+            let told = gripper.poll().map(|state| state.jaws).map_err(|e| e.to_string());
+            if told == expected.map_err(str::to_owned) {
+                break;
+            }
+            assert!(Instant::now() < until, "{told:?} at {position}");
+            sleep(CYCLE);
+        }
+    }
 }
 
 #[test]

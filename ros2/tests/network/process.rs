@@ -2,6 +2,7 @@
 
 use slipbound_ros2::msg::TopicType;
 use slipbound_ros2::ros::Inbox;
+use std::io::Read as _;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
@@ -26,8 +27,8 @@ impl Process {
     }
 
     fn run(mut command: Command, args: &[&str], domain_id: u16) -> Self {
-        let child = command.args(args).env("ROS_DOMAIN_ID", domain_id.to_string()).stdout(Stdio::null()).spawn();
-        Process(child.expect("starts"))
+        command.args(args).env("ROS_DOMAIN_ID", domain_id.to_string()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        Process(command.spawn().expect("starts"))
     }
 
     pub fn node(config: &Path, domain_id: u16) -> Self {
@@ -58,6 +59,21 @@ impl Process {
         }
     }
 
+    /// Its exit code at its end, and what it said; calls `meanwhile` until then.
+    pub fn ended(mut self, longest: Duration, mut meanwhile: impl FnMut()) -> (Option<i32>, String) {
+        let until = Instant::now() + longest;
+        while self.0.try_wait().expect("known").is_none() {
+            assert!(Instant::now() < until, "it has not ended within {longest:?}");
+            meanwhile();
+            sleep(Duration::from_millis(10));
+        }
+        let code = self.0.try_wait().expect("known").and_then(|status| status.code());
+        let mut said = String::new();
+        self.0.stdout.take().expect("piped").read_to_string(&mut said).expect("UTF-8");
+        self.0.stderr.take().expect("piped").read_to_string(&mut said).expect("UTF-8");
+        (code, said)
+    }
+
     /// Whether it has ended by itself, successfully.
     pub fn has_ended_well(&mut self) -> bool {
         self.0.try_wait().expect("known").is_some_and(|status| status.success())
@@ -86,9 +102,9 @@ pub fn next<M: TopicType>(inbox: &mut Inbox<M>, longest: Duration) -> Option<M> 
     }
 }
 
-/// A separate domain for every test process and every test, so that none receives another's data: 1 to 84, whose ports
+/// A separate domain for every test process and every test, so that none receives another's data: 1 to 75, whose ports
 /// lie below the ephemeral ports.
 pub fn domain_id(test: u16) -> u16 {
-    assert!(test < 12, "a test of a number that is taken");
-    1 + (std::process::id() % 7) as u16 * 12 + test
+    assert!(test < 15, "a test of a number that is taken");
+    1 + (std::process::id() % 5) as u16 * 15 + test
 }

@@ -70,9 +70,12 @@ fn cycles(
             return Err(ControlError::Interrupted);
         }
         let outcome = control.cycle(now_ns(), gripper, wrist, observer)?;
-        // Who holds to the end of a time, or of the source, has not held with a fault.
-        let has_held = outcome.commanded().is_some_and(|cycle| cycle.phase == Phase::Ended(Ending::Held));
-        if has_held || outcome == CycleOutcome::SourceEnded {
+        // Who holds to the end of a time, or of the source, has not held with a fault, and jaws that a fault may have kept
+        // open have not found nothing.
+        let has_timed_out = outcome
+            .commanded()
+            .is_some_and(|cycle| matches!(cycle.phase, Phase::Ended(Ending::Held | Ending::NothingHeld)));
+        if has_timed_out || outcome == CycleOutcome::SourceEnded {
             let fault = control.fault().cloned();
             return fault.map_or(Ok(()), |fault| Err(ControlError::Fault { fault, waited_ns: 0 }));
         }

@@ -33,6 +33,8 @@ pub struct RunNotes {
     /// sensor file.
     in_contact: Vec<String>,
     misfits: Vec<String>,
+    /// Fingers whose first torn frame was reported.
+    torn: Vec<String>,
     /// When each finger last had a frame, ns, and whether its silence was reported.
     heard: Vec<(u64, bool)>,
 }
@@ -85,6 +87,10 @@ impl RunNotes {
         }
         for finger in view.fingers {
             let is_told = |told: &[String]| told.iter().any(|name| name == finger.name);
+            if let (Next::Torn { reason }, false) = (finger.next, is_told(&self.torn)) {
+                self.torn.push(finger.name.to_owned());
+                lines.push(format!("{}: the first torn frame: {reason}", finger.name));
+            }
             let reason = finger.report.and_then(|report| report.reason);
             if let Some(reason @ Reason::MarkerSpacing { .. }) = reason.filter(|_| !is_told(&self.misfits)) {
                 self.misfits.push(finger.name.to_owned());
@@ -138,6 +144,29 @@ const OTHER_CLOCK_NS: u64 = 1_000_000_000;
 mod tests {
     use super::*;
     use slipbound::port::FrameBuffer;
+
+    #[test]
+    fn the_first_torn_frame_of_every_finger_is_told_of_with_its_reason() {
+        let mut notes = RunNotes::default();
+        let frame = FrameBuffer::default();
+        let torn = |reason: &str| Next::Torn { reason: reason.into() };
+        let mut told = Vec::new();
+        for nexts in [[Next::Frame, Next::Silent], [torn("cut"), Next::Frame], [torn("empty"), torn("16UC1")]] {
+            let view =
+                |name, next| FingerView { name, next, frame: &frame, report: None, monitor: None, rest_kind: None };
+            let fingers = [view("left", &nexts[0]), view("right", &nexts[1])];
+            told.extend(notes.see(&CycleView {
+                now_ns: 1,
+                outcome: None,
+                fingers: &fingers,
+                fault: None,
+                refused_lowering: None,
+                driver_events: &[],
+                truth: None,
+            }));
+        }
+        assert_eq!(told, ["left: the first torn frame: cut", "right: the first torn frame: 16UC1"]);
+    }
 
     #[test]
     fn frames_that_drift_apart_are_told_of_once_and_when_they_are_back() {

@@ -39,7 +39,8 @@ impl Ended<'_> {
         if is_at_work && self.holds {
             score.ending = Some(Ending::Held); // to the end of the source
         }
-        let ending = score.ending.filter(|ending| ran.is_ok() || *ending != Ending::Held);
+        let is_timed_out = |ending: &Ending| matches!(ending, Ending::Held | Ending::NothingHeld);
+        let ending = score.ending.filter(|ending| ran.is_ok() || !is_timed_out(ending));
         let unfinished = || match &ran {
             Ok(()) => "not before the end of the source".into(),
             Err(e) => format!("{e:#}"),
