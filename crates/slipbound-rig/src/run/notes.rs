@@ -145,6 +145,18 @@ mod tests {
     use super::*;
     use slipbound::port::FrameBuffer;
 
+    fn cycle<'a>(fingers: &'a [FingerView<'a>]) -> CycleView<'a> {
+        CycleView {
+            now_ns: 1,
+            outcome: None,
+            fingers,
+            fault: None,
+            refused_lowering: None,
+            driver_events: &[],
+            truth: None,
+        }
+    }
+
     #[test]
     fn the_first_torn_frame_of_every_finger_is_told_of_with_its_reason() {
         let mut notes = RunNotes::default();
@@ -155,15 +167,7 @@ mod tests {
             let view =
                 |name, next| FingerView { name, next, frame: &frame, report: None, monitor: None, rest_kind: None };
             let fingers = [view("left", &nexts[0]), view("right", &nexts[1])];
-            told.extend(notes.see(&CycleView {
-                now_ns: 1,
-                outcome: None,
-                fingers: &fingers,
-                fault: None,
-                refused_lowering: None,
-                driver_events: &[],
-                truth: None,
-            }));
+            told.extend(notes.see(&cycle(&fingers)));
         }
         assert_eq!(told, ["left: the first torn frame: cut", "right: the first torn frame: 16UC1"]);
     }
@@ -188,15 +192,7 @@ mod tests {
                 rest_kind: None,
             };
             let fingers = [view("left", &frames[0]), view("right", &frames[1])];
-            told.extend(notes.see(&CycleView {
-                now_ns: 1,
-                outcome: None,
-                fingers: &fingers,
-                fault: None,
-                refused_lowering: None,
-                driver_events: &[],
-                truth: None,
-            }));
+            told.extend(notes.see(&cycle(&fingers)));
         }
         assert_eq!(
             told,
