@@ -17,7 +17,9 @@
 mod backdrop;
 mod canvas;
 mod drawing;
+mod frame_copy;
 mod grid;
+mod image_file;
 mod input;
 mod palette;
 mod regions;
@@ -25,7 +27,9 @@ mod strips;
 mod writer;
 
 pub use drawing::Overlay;
+pub(crate) use frame_copy::FrameCopy;
 pub use grid::grid_picture;
+pub(crate) use image_file::write_png;
+pub use image_file::{Error, is_numbered};
 pub use input::OverlayInput;
-pub(crate) use writer::write_png;
-pub use writer::{Error, OverlayWriter, is_numbered};
+pub use writer::{Drawn, OverlayOptions, OverlayWriter};

@@ -186,7 +186,7 @@ impl Watch {
         &self,
         ended: Result<(), Failure>,
         progress: Progress<'_>,
-        outputs: Outputs,
+        mut outputs: Outputs,
         recorder: Option<Recorder>,
         camera: Option<LiveCamera>,
     ) -> Result<JudgedRecording, Failure> {
@@ -196,8 +196,10 @@ impl Watch {
             let _ = recorder.map(Recorder::finish); // nobody is left to report to
             return Err(Failure::ReaderLeft);
         }
-        let overlay_ended = outputs.overlay_ended();
-        let closed = outputs.close(&summary);
+        let drawn = outputs.finish_overlay();
+        let overlay_is_whole = outputs.overlay_is_whole();
+        let closed = outputs.close(&summary).and(drawn);
+        closed.iter().flatten().for_each(|note| terminal.note(note));
         let lines = if batch.is_some() { Vec::new() } else { summary.lines() };
         for line in lines {
             terminal.say(&line)?;
@@ -215,7 +217,7 @@ impl Watch {
         }
         // A torn frame that was replaced by a newer one is lost all the same.
         let torn_count = summary.torn_count() + camera.map_or(0, |camera| camera.tally.counts().torn_count);
-        let is_whole = is_lossless? && torn_count + summary.other_size_count() == 0 && !overlay_ended;
+        let is_whole = is_lossless? && torn_count + summary.other_size_count() == 0 && overlay_is_whole;
         Ok(JudgedRecording { outcome: if is_whole { Outcome::Done } else { Outcome::DataLost }, summary, first_slip })
     }
 

@@ -146,7 +146,7 @@ fn quoted(text: &str) -> String {
 /// Writes the averaged image with the grid drawn in as a PNG.
 pub fn write_grid_picture(path: &Path, calibration: &Calibration) -> Result<(), overlay::Error> {
     let (rgb, size) = overlay::grid_picture(calibration);
-    overlay::write_png(path, &rgb, size.width as u32, size.height as u32, 0)
+    overlay::write_png(path, &rgb, size)
 }
 
 #[cfg(test)]

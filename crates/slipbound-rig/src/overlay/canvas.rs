@@ -76,8 +76,12 @@ impl Canvas {
     }
 
     /// The pixels: red, green, blue.
-    pub fn rgb(&self) -> Vec<u8> {
-        self.pixmap.data().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect()
+    pub fn rgb_into(&self, rgb: &mut Vec<u8>) {
+        let pixels = self.pixmap.data();
+        rgb.resize(pixels.len() / 4 * 3, 0);
+        for (rgb, pixel) in rgb.chunks_exact_mut(3).zip(pixels.chunks_exact(4)) {
+            rgb.copy_from_slice(&pixel[..3]);
+        }
     }
 
     /// One colour everywhere.
@@ -103,7 +107,7 @@ impl Canvas {
     }
 
     /// Tints a region and draws its outline; the region's panel is the whole image.
-    pub fn region(&mut self, region: &Region, colour: Colour, tint: f32) {
+    pub fn region(&mut self, region: &mut Region, colour: Colour, tint: f32) {
         let pixels = self.pixmap.pixels_mut();
         region.for_each(|i, share, outline| {
             pixels[i] = blend(pixels[i], colour.rgb, (tint * share).max(0.9 * outline));
@@ -216,6 +220,6 @@ fn opaque([r, g, b]: [u8; 3]) -> PremultipliedColorU8 {
 }
 
 fn blend(under: PremultipliedColorU8, over: [u8; 3], alpha: f32) -> PremultipliedColorU8 {
-    let mix = |u: u8, o: u8| (f32::from(u) + (f32::from(o) - f32::from(u)) * alpha).round() as u8;
+    let mix = |u: u8, o: u8| (f32::from(u) + (f32::from(o) - f32::from(u)) * alpha + 0.5) as u8;
     opaque([mix(under.red(), over[0]), mix(under.green(), over[1]), mix(under.blue(), over[2])])
 }

@@ -85,7 +85,14 @@ impl Overlay {
 
     /// The image drawn last: red, green, blue, rows without gaps.
     pub fn rgb(&self) -> Vec<u8> {
-        self.canvas.rgb()
+        let mut rgb = Vec::new();
+        self.rgb_into(&mut rgb);
+        rgb
+    }
+
+    /// The same in a buffer that is used again.
+    pub(super) fn rgb_into(&self, rgb: &mut Vec<u8>) {
+        self.canvas.rgb_into(rgb);
     }
 
     /// Draws a frame and the results on it, for example of a monitor that has just judged it. `frame`: None when it did
@@ -153,8 +160,8 @@ impl Overlay {
             translation: m.translation_px,
             rotation_rad: m.rotation_rad,
         });
-        self.panel.region(&self.contact, CONTACT, 0.20);
-        self.panel.region(&self.inner, INNER, 0.16);
+        self.panel.region(&mut self.contact, CONTACT, 0.20);
+        self.panel.region(&mut self.inner, INNER, 0.16);
         let width = self.width(pitch_px);
         for m in markers {
             if !m.matched {
@@ -184,7 +191,7 @@ impl Overlay {
 
     /// The slip field, and which markers slip.
     fn draw_slip(&mut self, markers: &[Marker], pitch_px: f64, times: f64) {
-        self.panel.region(&self.contact, CONTACT, 0.06);
+        self.panel.region(&mut self.contact, CONTACT, 0.06);
         let width = self.width(pitch_px);
         for m in markers.iter().filter(|m| m.matched && m.in_contact) {
             let at = self.at(m.now);

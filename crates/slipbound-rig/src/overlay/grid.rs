@@ -73,7 +73,9 @@ pub fn grid_picture(calibration: &Calibration) -> (Vec<u8>, SizePx) {
         calibration.off_grid.len()
     );
     whole.text((10, shown.height as i32 + 6), Text::Small, MARKER, &said);
-    (whole.rgb(), whole.size())
+    let mut rgb = Vec::new();
+    whole.rgb_into(&mut rgb);
+    (rgb, whole.size())
 }
 
 /// Every pixel as a square of `times` x `times`.

@@ -1,127 +1,178 @@
-//! Overlay images into a folder or a video.
+//! Overlay images into a folder or a video, drawn and encoded beside the judging.
+//!
+//! ```text
+//!          +--> draw, encode --+
+//!   push --+                   +--in turn--> folder or video --emptied--> push
+//!          +--> draw, encode --+
+//! ```
+//!
+//! Frames go to the drawing threads in turn and come back in the same turn, so that the images are in order and the
+//! same for any number of threads.
 
 use super::drawing::Overlay;
-use crate::avi_writer::{self, AviWriter};
-use crate::file_origin;
-use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
-use std::fs::{self, File};
-use std::io::{self, BufWriter};
+use super::frame_copy::FrameCopy;
+use super::image_file::{Error, ImageFile, ImageKind};
+use super::input::OverlayInput;
+use slipbound::monitor::SlipReport;
+use slipbound::port::FrameBuffer;
+use slipbound::sensor::Sensor;
+use std::panic;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::thread::{self, JoinHandle};
 
-/// JPEG quality of the video: thin coloured lines stay clean.
-const JPEG_QUALITY: u8 = 92;
+/// More threads than this would wait for the disk.
+const MOST_THREADS: usize = 8;
 
-/// An image that cannot be written.
-#[derive(Debug, thiserror::Error)]
-pub enum Error {
-    /// The video cannot be written.
-    #[error(transparent)]
-    Avi(#[from] avi_writer::Error),
-    /// A folder or image cannot be written.
-    #[error("{}: cannot write: {source}", path.display())]
-    Write {
-        /// The folder or file.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: io::Error,
-    },
-    /// An encoder refused the image.
-    #[error("{}: cannot encode frame {seq}: {why}", path.display())]
-    Encode {
-        /// The file.
-        path: PathBuf,
-        /// The frame's number.
-        seq: u64,
-        /// Its reason.
-        why: String,
-    },
+/// Playback, limits and haste of an [`OverlayWriter`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OverlayOptions {
+    /// Playback rate of a video, frames per second.
+    pub rate_hz: u32,
+    /// Greatest length of a video; at most [`crate::avi_writer::MAX_BYTES`].
+    pub most_bytes: u64,
+    /// Whether [`OverlayWriter::push`] waits for the drawing, as for a recording. Otherwise, as for a camera, a frame for
+    /// which the drawing has no time is left out and counted.
+    pub waits: bool,
+}
+
+/// What was drawn.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Drawn {
+    /// Frames left out because the drawing did not keep up.
+    pub lost_count: u64,
+    /// The first frame for which a full video had no room.
+    pub full_at_seq: Option<u64>,
 }
 
 /// Writes one image a frame: `000057.png` in a folder, or a Motion-JPEG AVI.
 #[derive(Debug)]
 pub struct OverlayWriter {
     path: PathBuf,
-    video: Option<AviWriter>,
-    jpeg: Vec<u8>,
+    waits: bool,
+    to_draw: Vec<Sender<Box<FrameCopy>>>,
+    emptied: Receiver<Box<FrameCopy>>,
+    next: usize,
+    lost_count: u64,
+    drawing: Vec<JoinHandle<()>>,
+    /// Returns the first frame that a full video had no room for.
+    writing: Option<JoinHandle<Result<Option<u64>, Error>>>,
 }
 
 impl OverlayWriter {
-    /// `to`: a name that ends in `.avi`, or a folder, which is created if missing. `rate_hz`: playback rate of a video.
-    pub fn create(to: &Path, overlay: &Overlay, rate_hz: u32) -> Result<Self, Error> {
-        let is_video = to.extension().is_some_and(|e| e.eq_ignore_ascii_case("avi"));
-        let video = match is_video {
-            true => Some(AviWriter::create(to, overlay.size(), rate_hz)?),
-            false => {
-                let failed = |source| Error::Write { path: to.to_owned(), source };
-                fs::create_dir_all(to).map_err(failed)?;
-                remove_older(to).map_err(failed)?;
-                None
+    /// `to`: a name that ends in `.avi`, or a folder, which is created if missing. `sensor`: at the size of the frames.
+    pub fn create(to: &Path, sensor: &Sensor, options: OverlayOptions) -> Result<Self, Error> {
+        let OverlayOptions { rate_hz, most_bytes, waits } = options;
+        let overlay = Overlay::new(sensor);
+        let file = ImageFile::create(to, overlay.size(), rate_hz, most_bytes)?;
+        let cores = thread::available_parallelism().map_or(1, |cores| cores.get());
+        // A camera is not to wait for a core on which its pictures are drawn.
+        let threads_count = if waits { cores } else { cores - 1 }.clamp(1, MOST_THREADS);
+        let (empty, emptied) = channel();
+        let (mut to_draw, mut drawn, mut drawing) = (Vec::new(), Vec::new(), Vec::new());
+        for _ in 0..threads_count {
+            for _ in 0..2 {
+                empty.send(Box::new(FrameCopy::default())).expect("its receiver is above");
             }
+            let (give, jobs) = channel();
+            let (give_drawn, take_drawn) = channel();
+            let (overlay, kind) = (overlay.clone(), file.kind());
+            drawing.push(thread::spawn(move || draw_all(overlay, kind, &jobs, &give_drawn)));
+            to_draw.push(give);
+            drawn.push(take_drawn);
+        }
+        let writing = Some(thread::spawn(move || write_all(file, &drawn, &empty)));
+        Ok(OverlayWriter { path: to.to_owned(), waits, to_draw, emptied, next: 0, lost_count: 0, drawing, writing })
+    }
+
+    /// Takes the frame judged last, for drawing. `frame`: None when it did not arrive whole. Returns false once nothing
+    /// more is written; [`OverlayWriter::finish`] tells why.
+    pub fn push<'a>(
+        &mut self,
+        frame: Option<&FrameBuffer>,
+        report: &SlipReport,
+        found: impl Into<OverlayInput<'a>>,
+    ) -> bool {
+        let empty = match self.waits {
+            true => self.emptied.recv().map_err(|_| TryRecvError::Disconnected),
+            false => self.emptied.try_recv(),
         };
-        Ok(OverlayWriter { path: to.to_owned(), video, jpeg: Vec::new() })
-    }
-
-    /// The same with a lower limit of a video's length than [`avi_writer::MAX_BYTES`].
-    #[must_use]
-    pub fn with_most_bytes(self, most_bytes: u64) -> Self {
-        OverlayWriter { video: self.video.map(|video| video.with_most_bytes(most_bytes)), ..self }
-    }
-
-    /// Writes the image drawn last for frame `seq`. After [`avi_writer::Error::TooLong`] the video can still be finished.
-    pub fn push(&mut self, overlay: &Overlay, seq: u64) -> Result<(), Error> {
-        let (rgb, size) = (overlay.rgb(), overlay.size());
-        let Some(video) = &mut self.video else {
-            let path = self.path.join(format!("{seq:06}.png"));
-            return write_png(&path, &rgb, size.width as u32, size.height as u32, seq);
-        };
-        self.jpeg.clear();
-        let mut encoder = Encoder::new(&mut self.jpeg, JPEG_QUALITY);
-        encoder.set_sampling_factor(SamplingFactor::F_2_1); // what players expect of Motion-JPEG
-        encoder.encode(&rgb, size.width as u16, size.height as u16, ColorType::Rgb).map_err(|e| Error::Encode {
-            path: self.path.clone(),
-            seq,
-            why: e.to_string(),
-        })?;
-        Ok(video.push(&self.jpeg)?)
-    }
-
-    /// Finishes a video.
-    pub fn finish(self) -> Result<(), Error> {
-        Ok(self.video.map_or(Ok(()), AviWriter::finish)?)
-    }
-}
-
-/// Removes the images of an earlier overlay; a shorter new one would otherwise leave some of them.
-fn remove_older(folder: &Path) -> io::Result<()> {
-    for entry in fs::read_dir(folder)? {
-        let path = entry?.path();
-        if is_numbered(&path) && file_origin::is_own_file(&path)? {
-            fs::remove_file(path)?;
+        match empty {
+            Ok(mut empty) => {
+                empty.take(frame, report, &found.into());
+                let sent = self.to_draw[self.next].send(empty).is_ok();
+                self.next = (self.next + 1) % self.to_draw.len();
+                sent
+            }
+            Err(TryRecvError::Empty) => {
+                self.lost_count += 1;
+                true
+            }
+            Err(TryRecvError::Disconnected) => false,
         }
     }
-    Ok(())
+
+    /// Where the images go.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Waits for the last image and finishes a video.
+    pub fn finish(mut self) -> Result<Drawn, Error> {
+        let full_at_seq = self.join()?;
+        Ok(Drawn { lost_count: self.lost_count, full_at_seq })
+    }
+
+    fn join(&mut self) -> Result<Option<u64>, Error> {
+        self.to_draw.clear(); // the end, for every thread
+        let written = self.writing.take().map_or(Ok(Ok(None)), JoinHandle::join);
+        for drawing in self.drawing.drain(..) {
+            drawing.join().unwrap_or_else(|panic| panic::resume_unwind(panic));
+        }
+        written.unwrap_or_else(|panic| panic::resume_unwind(panic))
+    }
 }
 
-/// Whether a file is named like an overlay image: `000057.png`.
-pub fn is_numbered(path: &Path) -> bool {
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    path.extension().is_some_and(|e| e == "png") && stem.len() >= 6 && stem.bytes().all(|byte| byte.is_ascii_digit())
+impl Drop for OverlayWriter {
+    fn drop(&mut self) {
+        if !thread::panicking() {
+            let _ = self.join(); // what was pushed is written; who wants to know of errors calls `finish`
+        }
+    }
 }
 
-/// Writes a PNG; the error names `seq` when it cannot be encoded.
-pub(crate) fn write_png(path: &Path, rgb: &[u8], width: u32, height: u32, seq: u64) -> Result<(), Error> {
-    let failed = |source| Error::Write { path: path.to_owned(), source };
-    let mut encoder = png::Encoder::new(BufWriter::new(File::create(path).map_err(failed)?), width, height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_compression(png::Compression::Fast);
-    let encode = |e: png::EncodingError| Error::Encode { path: path.to_owned(), seq, why: e.to_string() };
-    encoder.add_text_chunk("Software".into(), "slipbound".into()).map_err(encode)?;
-    let written = encoder.write_header().and_then(|mut w| {
-        w.write_image_data(rgb)?;
-        w.finish()
-    });
-    written.map_err(|e| match e {
-        png::EncodingError::IoError(source) => failed(source),
-        other => Error::Encode { path: path.to_owned(), seq, why: other.to_string() },
-    })
+/// A drawing thread: until there are no more frames, or nobody takes the images.
+fn draw_all(mut overlay: Overlay, kind: ImageKind, jobs: &Receiver<Box<FrameCopy>>, drawn: &Sender<Box<FrameCopy>>) {
+    let mut rgb = Vec::new();
+    for mut job in jobs {
+        job.draw(&mut overlay);
+        overlay.rgb_into(&mut rgb);
+        job.encoded.clear();
+        job.refused = kind.encode(&rgb, overlay.size(), &mut job.encoded).err();
+        if drawn.send(job).is_err() {
+            return;
+        }
+    }
+}
+
+/// The writing thread. The frames come back in the turn in which they were given away.
+fn write_all(
+    mut file: ImageFile,
+    drawn: &[Receiver<Box<FrameCopy>>],
+    emptied: &Sender<Box<FrameCopy>>,
+) -> Result<Option<u64>, Error> {
+    for drawn in drawn.iter().cycle() {
+        let Ok(mut job) = drawn.recv() else { break };
+        let seq = job.seq();
+        if let Some(why) = job.refused.take() {
+            return Err(file.refused(seq, why));
+        }
+        if !file.push(&job.encoded, seq)? {
+            file.finish()?;
+            return Ok(Some(seq));
+        }
+        let _ = emptied.send(job); // nobody waits for it after the last frame
+    }
+    file.finish()?;
+    Ok(None)
 }

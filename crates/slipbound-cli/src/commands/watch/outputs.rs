@@ -5,10 +5,10 @@ use crate::outcome::Failure;
 use slipbound::events::SlipEvent;
 use slipbound::monitor::{Reason, SlipMonitor, SlipReport};
 use slipbound::port::{Clock, FrameBuffer};
-use slipbound_rig::avi_writer;
+use slipbound_rig::avi_writer::MAX_BYTES;
 use slipbound_rig::container::{McapAnnotations, Recorder, ReportLines};
 use slipbound_rig::line_file::LineFile;
-use slipbound_rig::overlay::{self, Overlay, OverlayWriter};
+use slipbound_rig::overlay::{self, Drawn, OverlayOptions, OverlayWriter};
 use slipbound_rig::report_csv::ReportCsv;
 use slipbound_rig::report_json::{Header, ReportJson, RestOrigin};
 use slipbound_rig::report_slips::ReportSlips;
@@ -41,8 +41,9 @@ pub struct Outputs {
     finger: String,
     slips: Option<(PathBuf, ReportSlips<LineFile>)>,
     page: Option<(PathBuf, RecordingPage)>,
-    overlay: Option<(Overlay, OverlayWriter)>,
-    overlay_ended: bool,
+    overlay: Option<OverlayWriter>,
+    overlay_limit_bytes: u64,
+    overlay_is_whole: bool,
     timings: Option<Timings>,
 }
 
@@ -107,12 +108,13 @@ impl Outputs {
                 Some((path.clone(), ReportSlips::new(file, &args.finger)))
             }
         };
+        let overlay_limit_bytes = args.overlay_most_bytes.unwrap_or(MAX_BYTES);
         let overlay = match &args.overlay {
             None => None,
             Some(to) => {
-                let overlay = Overlay::new(monitor.sensor());
-                let writer = OverlayWriter::create(to, &overlay, origin.rate_hz).map_err(cannot_draw)?;
-                Some((overlay, args.overlay_most_bytes.into_iter().fold(writer, OverlayWriter::with_most_bytes)))
+                let most_bytes = overlay_limit_bytes;
+                let options = OverlayOptions { rate_hz: origin.rate_hz, most_bytes, waits };
+                Some(OverlayWriter::create(to, monitor.sensor(), options).map_err(cannot_draw)?)
             }
         };
         let timings = match &args.timings {
@@ -129,14 +131,15 @@ impl Outputs {
             slips,
             page,
             overlay,
-            overlay_ended: false,
+            overlay_limit_bytes,
+            overlay_is_whole: true,
             timings,
         })
     }
 
-    /// Whether the overlay ended before the recording.
-    pub fn overlay_ended(&self) -> bool {
-        self.overlay_ended
+    /// Whether every frame was drawn, as far as is known.
+    pub fn overlay_is_whole(&self) -> bool {
+        self.overlay_is_whole
     }
 
     /// Writes the report of a frame. Returns what the user should know about an output that ends with it.
@@ -172,29 +175,33 @@ impl Outputs {
         self.draw(frame, report, monitor)
     }
 
-    /// Draws a frame. A video that is full is finished, and the rest of the recording goes on without it: it can be
-    /// drawn again, a camera cannot.
+    /// Has a frame drawn. When nothing more can be drawn the overlay is finished.
     fn draw(
         &mut self,
         frame: &FrameBuffer,
         report: &SlipReport,
         monitor: &SlipMonitor,
     ) -> Result<Option<String>, Failure> {
-        let Some((overlay, writer)) = &mut self.overlay else { return Ok(None) };
-        let whole = frame.frame().ok().filter(|_| report.reason != Some(Reason::Torn));
-        overlay.draw(whole.as_ref(), report, monitor);
-        match writer.push(overlay, report.seq) {
-            Ok(()) => Ok(None),
-            Err(overlay::Error::Avi(avi_writer::Error::TooLong { path, most_bytes, .. })) => {
-                self.overlay_ended = true;
-                self.overlay.take().map_or(Ok(()), |(_, writer)| writer.finish()).map_err(cannot_draw)?;
-                let (path, seq) = (path.display(), report.seq);
-                let full = format!("the video is full, {most_bytes} bytes");
-                let advice = "--overlay FOLDER draws pictures without a limit";
-                Ok(Some(format!("{path}: {full}: it ends before frame {seq}, all else goes on ({advice})")))
-            }
-            Err(other) => Err(cannot_draw(other)),
-        }
+        let Some(overlay) = &mut self.overlay else { return Ok(None) };
+        let whole = (report.reason != Some(Reason::Torn)).then_some(frame);
+        if overlay.push(whole, report, monitor) { Ok(None) } else { self.finish_overlay() }
+    }
+
+    /// Waits for the last picture. A video that is full ends, and the rest of the recording goes on without it: it can
+    /// be drawn again, a camera cannot. Returns what the user should know.
+    pub fn finish_overlay(&mut self) -> Result<Option<String>, Failure> {
+        let Some(overlay) = self.overlay.take() else { return Ok(None) };
+        let path = overlay.path().display().to_string();
+        let Drawn { lost_count, full_at_seq } = overlay.finish().map_err(cannot_draw)?;
+        self.overlay_is_whole &= lost_count == 0 && full_at_seq.is_none();
+        let lost = (lost_count > 0).then(|| format!("{lost_count} frames were not drawn: the drawing did not keep up"));
+        let full = full_at_seq.map(|seq| {
+            let full = format!("the video is full, {} bytes", self.overlay_limit_bytes);
+            let advice = "--overlay FOLDER draws pictures without a limit";
+            format!("{full}: it ends before frame {seq}, all else goes on ({advice})")
+        });
+        let notes: Vec<String> = full.into_iter().chain(lost).collect();
+        Ok((!notes.is_empty()).then(|| format!("{path}: {}", notes.join("; "))))
     }
 
     /// An event of the frame written last, in words.
@@ -207,7 +214,7 @@ impl Outputs {
     /// Finishes the files.
     pub fn close(self, summary: &ReportSummary) -> Result<(), Failure> {
         let slips = self.slips.map_or(Ok(()), |(path, slips)| slips.finish().map_err(|e| cannot_write(&path, e)));
-        let page = self.page.map_or(Ok(()), |(path, page)| {
+        let page = self.page.map_or(Ok(()), |(path, mut page)| {
             fs::write(&path, page.html(summary)).map_err(|e| {
                 if path.is_file() {
                     let _ = fs::remove_file(&path); // half a page is worthless
@@ -215,8 +222,7 @@ impl Outputs {
                 cannot_write(&path, e)
             })
         });
-        let drawn = self.overlay.map_or(Ok(()), |(_, writer)| writer.finish().map_err(cannot_draw));
-        slips.and(page).and(drawn)
+        slips.and(page)
     }
 }
 

@@ -17,13 +17,16 @@ use super::time_axis::{TimeAxis, TimeUnit};
 use super::{PICTURES_MOST, head_of_page};
 use crate::html_page::markup::{Escaped, base64};
 use crate::html_page::picture;
-use crate::overlay::Overlay;
+use crate::overlay::{FrameCopy, Overlay};
 use crate::report_summary::{ReportSummary, state_name};
 use slipbound::events::SlipEvent;
 use slipbound::monitor::{Estimate, SlipMonitor, SlipReport, SlipState};
 use slipbound::plane::Vec2;
 use slipbound::port::FrameBuffer;
+use slipbound::sensor::Sensor;
 use std::fmt;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread;
 
 /// Times that begin later are wall-clock times: they are counted from the first frame.
 const CLOCK_FROM_NS: u64 = 3_600_000_000_000;
@@ -36,7 +39,7 @@ pub struct RecordingPage {
     /// px of the rectified image a marker pitch, and mm, where that is known.
     pitch: (f64, Option<f64>),
     alarm_margin: Option<f64>,
-    overlay: Overlay,
+    pictures: Pictures,
     reports: Vec<SlipReport>,
     events: Vec<(Place, String)>,
     slips: Vec<Slip>,
@@ -50,6 +53,46 @@ struct Slip {
     place: Place,
     title: String,
     jpeg: Option<Vec<u8>>,
+}
+
+/// Draws the pictures of slips on a thread of its own: the next frame is not to wait for one.
+struct Pictures {
+    to_draw: Sender<FrameCopy>,
+    drawn: Receiver<Option<Vec<u8>>>,
+    waiting_count: usize,
+}
+
+impl Pictures {
+    fn new(sensor: &Sensor) -> Self {
+        let (to_draw, jobs) = channel::<FrameCopy>();
+        let (give, drawn) = channel();
+        let sensor = sensor.clone();
+        thread::spawn(move || {
+            let mut overlay = None;
+            for job in jobs {
+                let overlay = overlay.get_or_insert_with(|| Overlay::new(&sensor).for_stills());
+                job.draw(overlay);
+                let size = overlay.size();
+                let jpeg = picture::jpeg(&overlay.rgb(), size.width as u32, size.height as u32);
+                if give.send(jpeg.ok()).is_err() {
+                    return;
+                }
+            }
+        });
+        Pictures { to_draw, drawn, waiting_count: 0 }
+    }
+
+    fn draw(&mut self, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) {
+        let mut copy = FrameCopy::default();
+        copy.take(Some(frame), report, &monitor.into());
+        self.waiting_count += usize::from(self.to_draw.send(copy).is_ok());
+    }
+
+    /// The next picture, in the order of the frames; None where there is none.
+    fn next(&mut self) -> Option<Vec<u8>> {
+        self.waiting_count = self.waiting_count.checked_sub(1)?;
+        self.drawn.recv().ok().flatten()
+    }
 }
 
 /// Page and totals, as text.
@@ -68,7 +111,7 @@ impl RecordingPage {
             settings: format!("{settings}\n# the finger\n{}", table(toml::to_string_pretty(sensor))),
             pitch: (sensor.pitch_px, sensor.pitch_mm),
             alarm_margin: monitor.settings().slip.alarm_margin(),
-            overlay: Overlay::new(sensor).for_stills(),
+            pictures: Pictures::new(sensor),
             reports: Vec::new(),
             events: Vec::new(),
             slips: Vec::new(),
@@ -87,16 +130,17 @@ impl RecordingPage {
         };
         self.events.push((place, words.to_owned()));
         let (SlipEvent::Begins { slip, .. }, Some(report)) = (*event, self.reports.last()) else { return };
-        let jpeg = (self.slips.len() < PICTURES_MOST).then(|| {
-            self.overlay.draw(frame.frame().ok().as_ref(), report, monitor);
-            let size = self.overlay.size();
-            picture::jpeg(&self.overlay.rgb(), size.width as u32, size.height as u32).ok()
-        });
-        self.slips.push(Slip { number: slip, place, title: words.to_owned(), jpeg: jpeg.flatten() });
+        if self.slips.len() < PICTURES_MOST {
+            self.pictures.draw(frame, report, monitor);
+        }
+        self.slips.push(Slip { number: slip, place, title: words.to_owned(), jpeg: None });
     }
 
     /// The page, with the totals of the same frames.
-    pub fn html(&self, summary: &ReportSummary) -> String {
+    pub fn html(&mut self, summary: &ReportSummary) -> String {
+        for slip in self.slips.iter_mut().take(PICTURES_MOST).filter(|slip| slip.jpeg.is_none()) {
+            slip.jpeg = self.pictures.next();
+        }
         PageText(self, summary).to_string()
     }
 
