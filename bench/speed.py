@@ -5,6 +5,7 @@ import math
 import os
 import platform
 import re
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -18,7 +19,7 @@ MOST_MIB = 8.0
 # Frames between which instructions are counted; the first ones of a contact cost less.
 FEW, MANY = 20, 110
 # How often OpenCV, the peers and the fingers are run in turn, and how often each call of theirs in a turn.
-TURNS, CALLS_A_TURN = 40, 5
+TURNS, CALLS_A_TURN, STARTS = 40, 5, 7
 
 
 # Why the lines have steps.
@@ -239,6 +240,8 @@ def page(result, rows, growth, fingers, memory, frames_count):
         steps = result[finger]["steps_us_median"]
         names = ["imprint", "contact", "markers", "motion", "slip", "evidence", "verdict"]
         lines.append(f"| {finger} | " + " | ".join(f"{steps[name]:.0f}" for name in names) + " | |")
+    starts = ", ".join(f"{result[finger]['start_ms']:.0f} ms {finger}" for finger in FINGERS)
+    lines += ["", f"Start: from the last of ten frames of the untouched finger to a monitor that can judge, the first of a process, median of {STARTS}: {starts}."]
     median_ms = lambda name: sorted(row[name] for row in rows)[len(rows) // 2]
     lines += ["", "| others | ms | over ours: smooth | fabric | rectified |", "|---|---|---|---|---|"]
     for name in ["OpenCV", *peers()]:
@@ -266,6 +269,9 @@ def main():
     growth = measure_growth(program)
     fingers = bench(program, "fingers", "smooth", 5)
     memory = {finger: bench(program, "memory", finger)["monitor_mib"] for finger in FINGERS}
+    for finger in FINGERS:
+        starts = [bench(program, "start", finger) for _ in range(STARTS)]
+        result[finger]["start_ms"] = statistics.median(start["first_ms"] for start in starts)
     for finger in FINGERS:
         for name, spread in [("opencv", ratio(rows, "OpenCV", finger)), ("memcpy", ratio(rows, finger, f"copy for {finger}"))]:
             result[finger][f"{name}_ratio"] = spread[1]

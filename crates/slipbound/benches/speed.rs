@@ -11,6 +11,8 @@
 //!                                   run alternately with others
 //!   speed growth  FINGER            medians for 320x240 to 1920x1440 px, and for 50 to 5,000 markers
 //!   speed memory  FINGER            resident memory of a monitor, MiB
+//!   speed start   FINGER            ms from the last of ten rest frames to a monitor: the first of the process, and
+//!                                   the median of later ones
 //!   speed fingers FINGER SECONDS    1 to 16 monitors at 90 Hz on all cores: late frames, share of the cores in use
 //! ```
 //! FINGER: smooth, fabric, rectified (fabric, every pixel resampled). 640x480 colour, 391 markers of 8.4 px, in
@@ -52,22 +54,38 @@ struct Recording {
     frame_ns: u64,
 }
 
+/// A finger of this kind with its markers, to be painted.
+fn painter(finger: &str, size: SizePx, pitch_px: f64) -> Painter {
+    let skin = match finger {
+        "smooth" => Skin::Smooth,
+        "fabric" | "rectified" => Skin::Fabric,
+        other => panic!("finger {other:?}: expected smooth, fabric or rectified"),
+    };
+    let mut painter = Painter::new(size, pitch_px, 0.317 * pitch_px, skin, 0.02 * pitch_px, 9);
+    painter.sensor.shear = Some(Shear { stiffness_n_per_pitch: 0.2, provenance: "assumed".into() });
+    if finger == "rectified" {
+        // A slight rotation, so that every pixel is resampled.
+        let homography = Homography([[1.0, 0.02, -5.0], [-0.02, 1.0, 6.0], [0.0, 0.0, 1.0]]);
+        let crop_px = [0, 0, size.width, size.height];
+        painter.sensor.rectification = Some(Rectification { homography, crop_px, distortion: None });
+    }
+    painter
+}
+
+/// The rest frame's builder after this many frames of the untouched finger.
+fn rest_builder(painter: &mut Painter, size: SizePx, frames_count: u64) -> RestBuilder {
+    let mut builder = RestBuilder::new(&painter.sensor, &Settings::default(), size).expect("valid");
+    for seq in 0..frames_count {
+        let rest = painter.paint(&painter.rest.clone(), None, seq);
+        builder.add(&picture::frame(&rest, size, seq)).expect("bright");
+    }
+    builder
+}
+
 impl Recording {
     fn new(finger: &str, size: SizePx, pitch_px: f64, frames_count: usize) -> Self {
-        let skin = match finger {
-            "smooth" => Skin::Smooth,
-            "fabric" | "rectified" => Skin::Fabric,
-            other => panic!("finger {other:?}: expected smooth, fabric or rectified"),
-        };
-        let mut painter = Painter::new(size, pitch_px, 0.317 * pitch_px, skin, 0.02 * pitch_px, 9);
-        painter.sensor.shear = Some(Shear { stiffness_n_per_pitch: 0.2, provenance: "assumed".into() });
+        let mut painter = painter(finger, size, pitch_px);
         let (width, height) = (size.width as f64, size.height as f64);
-        if finger == "rectified" {
-            // A slight rotation, so that every pixel is resampled.
-            let homography = Homography([[1.0, 0.02, -5.0], [-0.02, 1.0, 6.0], [0.0, 0.0, 1.0]]);
-            let crop_px = [0, 0, size.width, size.height];
-            painter.sensor.rectification = Some(Rectification { homography, crop_px, distortion: None });
-        }
         let touch = Touch {
             centre: Vec2::new(width, height) * 0.5,
             radii_px: Vec2::new(0.33 * width, 0.375 * height),
@@ -81,12 +99,8 @@ impl Recording {
                 painter.paint(&now, Some(&touch), i as u64)
             })
             .collect();
-        let settings = Settings::default();
-        let mut builder = RestBuilder::new(&painter.sensor, &settings, size).expect("valid");
-        let rest = painter.paint(&painter.rest, None, 0);
-        builder.add(&picture::frame(&rest, size, 0)).expect("bright");
-        let rest = builder.build(RestKind::Unloaded).expect("markers");
-        let monitor = SlipMonitor::new(&painter.sensor, &settings, rest).expect("valid");
+        let rest = rest_builder(&mut painter, size, 1).build(RestKind::Unloaded).expect("markers");
+        let monitor = SlipMonitor::new(&painter.sensor, &Settings::default(), rest).expect("valid");
         Recording { size, frames: Arc::new(frames), monitor, seq: 0, time_ns: 0, frame_ns: FRAME_NS }
     }
 
@@ -116,8 +130,8 @@ impl Probe for StepTimes {
     }
 }
 
-/// The given quantile of the times, us.
-fn quantile_us(times: &mut [f64], share: f64) -> f64 {
+/// The given quantile of the times, in their unit.
+fn quantile(times: &mut [f64], share: f64) -> f64 {
     times.sort_unstable_by(f64::total_cmp);
     times[((times.len() - 1) as f64 * share).round() as usize]
 }
@@ -125,7 +139,7 @@ fn quantile_us(times: &mut [f64], share: f64) -> f64 {
 /// Median of the mean of 30 consecutive frames: at 90 Hz some steps run in every third frame, one in every fifth.
 fn turn_us(times: &[f64]) -> f64 {
     let mut turns: Vec<f64> = times.as_chunks::<30>().0.iter().map(|turn| turn.iter().sum::<f64>() / 30.0).collect();
-    quantile_us(&mut turns, 0.5)
+    quantile(&mut turns, 0.5)
 }
 
 /// The slowest frame of the schedule, by the median over all repetitions: the tail caused by the steps, without the
@@ -133,7 +147,7 @@ fn turn_us(times: &[f64]) -> f64 {
 fn dearest_us(times: &[f64]) -> f64 {
     let of_place = |place: usize| {
         let mut same: Vec<f64> = times.iter().skip(place).step_by(TURN_FRAMES).copied().collect();
-        quantile_us(&mut same, 0.5)
+        quantile(&mut same, 0.5)
     };
     (0..TURN_FRAMES).map(of_place).fold(0.0, f64::max)
 }
@@ -182,7 +196,7 @@ fn turns(finger: &str) {
     for _ in std::io::stdin().lines() {
         let steps: Vec<f64> = warm.steps_us(300).collect();
         let mut copies: Vec<f64> = warm.copies_us(60, 1).collect();
-        println!("{}", json!({ "step_us": turn_us(&steps), "copy_us": quantile_us(&mut copies, 0.5) }));
+        println!("{}", json!({ "step_us": turn_us(&steps), "copy_us": quantile(&mut copies, 0.5) }));
     }
 }
 
@@ -192,7 +206,7 @@ fn measure(finger: &str, frames_count: usize) -> Value {
     // Number of copies that take as long as a step.
     let mut first: Vec<f64> = warm.copies_us(60, 1).collect();
     let steps: Vec<f64> = warm.steps_us(300).collect();
-    let copies_a_step = (turn_us(&steps) / quantile_us(&mut first, 0.5)).round().max(1.0) as usize;
+    let copies_a_step = (turn_us(&steps) / quantile(&mut first, 0.5)).round().max(1.0) as usize;
     // The copies use the same frames as the monitor, in the same run, in separate stretches, so that neither depends on
     // the cache state left by the other.
     while whole.len() < frames_count {
@@ -215,11 +229,11 @@ fn measure(finger: &str, frames_count: usize) -> Value {
     // From here on the camera runs at 30 Hz.
     recording.frame_ns = SLOW_FRAME_NS;
     let slow: Vec<f64> = (0..frames_count.min(900)).map(|_| timed_us(|| recording.judge(&mut ()))).collect();
-    let (copy_us, median_us) = (quantile_us(&mut copies, 0.5), turn_us(&whole));
+    let (copy_us, median_us) = (quantile(&mut copies, 0.5), turn_us(&whole));
     json!({
         "markers_count": recording.monitor.markers().len(), "frames_count": frames_count, "memcpy_us_median": copy_us,
-        "step_us_median": median_us, "step_us_p999": quantile_us(&mut whole, 0.999),
-        "copies_tail_ratio": quantile_us(&mut as_long, 0.999) / quantile_us(&mut as_long, 0.5), "step_us_dearest": dearest_us, "step_us_at_30_hz": turn_us(&slow),
+        "step_us_median": median_us, "step_us_p999": quantile(&mut whole, 0.999),
+        "copies_tail_ratio": quantile(&mut as_long, 0.999) / quantile(&mut as_long, 0.5), "step_us_dearest": dearest_us, "step_us_at_30_hz": turn_us(&slow),
         "step_us_worst": whole[whole.len() - 1], "memcpy_ratio": median_us / copy_us, "steps_us_median": by_step,
     })
 }
@@ -267,6 +281,23 @@ fn memory(finger: &str) -> Value {
         recording.judge(&mut ());
     }
     json!({ "monitor_mib": resident_mib().zip(before).map(|(after, before)| (after - before) / 16.0) })
+}
+
+/// From the last of ten frames of the untouched finger to a monitor that can judge. The first of a process also makes
+/// the tables that all monitors share.
+fn start(finger: &str) -> Value {
+    let mut painter = painter(finger, SIZE, PITCH_PX);
+    let builder = rest_builder(&mut painter, SIZE, 10);
+    let start_ms = || {
+        let builder = builder.clone();
+        1e-3 * timed_us(|| {
+            let rest = builder.build(RestKind::Unloaded).expect("markers");
+            black_box(SlipMonitor::new(&painter.sensor, &Settings::default(), rest).expect("valid"));
+        })
+    };
+    let first_ms = start_ms();
+    let mut later_ms: Vec<f64> = (0..20).map(|_| start_ms()).collect();
+    json!({ "first_ms": first_ms, "later_ms_median": quantile(&mut later_ms, 0.5) })
 }
 
 /// A number of monitors, each with a frame every 1/90 s, distributed over as many threads as there are cores; a frame
@@ -331,6 +362,7 @@ fn main() {
         ["measure", finger, frames_count] => measure(finger, number(frames_count) as usize),
         ["growth", finger] => growth(finger),
         ["memory", finger] => memory(finger),
+        ["start", finger] => start(finger),
         ["fingers", finger, seconds] => fingers(finger, number(seconds)),
         // Without arguments, as called by `cargo bench`: a short run.
         [] => json!(["smooth", "fabric", "rectified"].map(|finger| json!({ finger: measure(finger, 500) }))),

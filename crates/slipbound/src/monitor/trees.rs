@@ -75,24 +75,26 @@ pub(super) fn parse<const NAMES: usize>(
 impl Ensemble {
     /// Adds the tree of a line; appends its splits to `read`.
     fn add(&mut self, line: &str, features_count: usize, read: &mut Vec<Read>) -> Option<()> {
-        let words = || line.split_ascii_whitespace();
-        let splits_count = words().filter(|word| word.contains(':')).count();
-        let leaves_count = words().count() - splits_count;
+        let (first_split, first_leaf) = (read.len(), self.leaves.len());
+        for word in line.split_ascii_whitespace() {
+            let Some((feature, threshold)) = word.split_once(':') else {
+                self.leaves.push(word.parse().ok()?);
+                continue;
+            };
+            let feature = feature.parse().ok().filter(|feature| *feature < features_count)?;
+            let threshold = threshold.parse().ok().filter(|threshold: &f32| !threshold.is_nan())?;
+            read.push((feature, threshold));
+            if self.leaves.len() > first_leaf {
+                return None; // splits come before leaves
+            }
+        }
+        let (splits_count, leaves_count) = (read.len() - first_split, self.leaves.len() - first_leaf);
         let depth = leaves_count.checked_ilog2().filter(|depth| (1..=MOST_DEPTH).contains(depth))?;
-        let fits = self.leaves.is_empty() || depth == self.depth;
+        let fits = first_leaf == 0 || depth == self.depth;
         if leaves_count != 1 << depth || splits_count + 1 != leaves_count || !fits {
             return None;
         }
         self.depth = depth;
-        for word in words().take(splits_count) {
-            let (feature, threshold) = word.split_once(':')?;
-            let feature = feature.parse().ok().filter(|feature| *feature < features_count)?;
-            let threshold = threshold.parse().ok().filter(|threshold: &f32| !threshold.is_nan())?;
-            read.push((feature, threshold));
-        }
-        for word in words().skip(splits_count) {
-            self.leaves.push(word.parse().ok()?);
-        }
         Some(())
     }
 

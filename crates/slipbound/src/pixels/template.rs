@@ -35,6 +35,8 @@ pub struct Window {
     side: usize,
     /// Weight of each pixel, falling to zero towards the rim of the window.
     share: Vec<f64>,
+    /// The pixels with a weight.
+    inside: Vec<usize>,
     /// Orthonormal under these weights: level and slopes.
     plane: [Vec<f64>; 3],
     /// The part of the window outside which all weights are zero: only this part is sampled.
@@ -70,19 +72,34 @@ impl Part {
         vec![0; (self.width * self.height).next_multiple_of(ROUND)]
     }
 
-    /// The values of a whole window of `side` inside this part, as integers. The rounding error of each is carried to
-    /// the next, so that a vector orthogonal to a constant stays so.
-    fn cut(self, window: impl Iterator<Item = f64>, scale: f64, side: usize) -> Vec<i16> {
-        let (columns, rows) = (self.left..self.left + self.width, self.top..self.top + self.height);
-        let inside = |(i, _): &(usize, f64)| columns.contains(&(i % side)) && rows.contains(&(i / side));
-        let (mut cut, mut owed) = (self.zeros(), 0.0);
-        for (cut, (_, value)) in cut.iter_mut().zip(window.enumerate().filter(inside)) {
-            let wanted = value * scale + owed;
-            *cut = wanted.round() as i16;
-            owed = wanted - f64::from(*cut);
+    /// Values inside this part, multiplied by `scale`, as integers; `values` takes the index of a pixel in the whole
+    /// window of `side`. The rounding error of each is carried to the next, so that a vector orthogonal to a constant
+    /// stays so. Several side by side: each waits for its last rounding.
+    fn cut<const N: usize>(self, values: impl Fn(usize) -> [f64; N], scale: [f64; N], side: usize) -> [Vec<i16>; N] {
+        let mut cut = [(); N].map(|()| self.zeros());
+        let mut owed = [0.0; N];
+        for row in 0..self.height {
+            let first = (self.top + row) * side + self.left;
+            for column in 0..self.width {
+                let values = values(first + column);
+                for k in 0..N {
+                    let wanted = values[k] * scale[k] + owed[k];
+                    let whole = rounded(wanted);
+                    owed[k] = wanted - f64::from(whole);
+                    cut[k][row * self.width + column] = whole;
+                }
+            }
         }
         cut
     }
+}
+
+/// The nearest whole number, a half away from zero: `round` is a call where the CPU is not known to have the
+/// instruction.
+fn rounded(v: f64) -> i16 {
+    let whole = v as i32;
+    let rest = v - f64::from(whole);
+    (whole + i32::from(rest >= 0.5) - i32::from(rest <= -0.5)) as i16
 }
 
 /// What is learned of one dot at rest.
@@ -145,11 +162,11 @@ impl Window {
         let most = plane.iter().flatten().fold(0.0f64, |m, v| m.max(v.abs()));
         let plane_scale = FULL_WEIGHT / most;
         let part = Part::of(&share, side);
-        let plane_weights = side_by_side(std::array::from_fn(|k| {
-            part.cut(plane[k].iter().zip(&share).map(|(v, s)| v * s), plane_scale, side)
-        }));
-        let share_weights = part.cut(share.iter().copied(), 256.0, side);
-        Window { side, share, plane, part, plane_weights, plane_scale, share_weights, samples: part.zeros() }
+        let plane_weights =
+            side_by_side(part.cut(|i| [0, 1, 2].map(|k: usize| plane[k][i] * share[i]), [plane_scale; 3], side));
+        let [share_weights] = part.cut(|i| [share[i]], [256.0], side);
+        let inside = (0..side * side).filter(|&i| share[i] > 0.0).collect();
+        Window { side, share, inside, plane, part, plane_weights, plane_scale, share_weights, samples: part.zeros() }
     }
 
     /// Whether a window about a place lies within the image.
@@ -169,11 +186,24 @@ impl Window {
         sum.max(1e-9)
     }
 
-    /// Removes level and slope from a pattern.
-    fn level(&self, pattern: &mut [f64]) {
+    /// Weighted product of each pattern with another. The sums run side by side: each waits for its last addition.
+    fn products_with<const N: usize>(&self, patterns: &[Vec<f64>; N], other: &[f64]) -> [f64; N] {
+        let mut sums = [0.0; N];
+        for &i in &self.inside {
+            for (sum, pattern) in sums.iter_mut().zip(patterns) {
+                *sum += pattern[i] * other[i] * self.share[i];
+            }
+        }
+        sums
+    }
+
+    /// Removes level and slope from patterns.
+    fn level<const N: usize>(&self, patterns: &mut [Vec<f64>; N]) {
         for plane in &self.plane {
-            let part: f64 = pattern.iter().zip(plane).zip(&self.share).map(|((v, p), s)| v * p * s).sum();
-            pattern.iter_mut().zip(plane).for_each(|(v, p)| *v -= part * p);
+            let parts = self.products_with(patterns, plane);
+            for (pattern, part) in patterns.iter_mut().zip(parts) {
+                pattern.iter_mut().zip(plane).for_each(|(v, p)| *v -= part * p);
+            }
         }
     }
 
@@ -198,47 +228,53 @@ impl Window {
                 out.iter_mut().zip(samples).for_each(|(o, &v)| *o = f64::from(v) / STEPS_PER_LEVEL);
             }
         }
-        let disc: Vec<f64> = (0..wide * wide)
-            .map(|i| {
-                let q = Vec2::new((i % wide) as f64 - middle - 1.0, (i / wide) as f64 - middle - 1.0);
-                -dark((q - (place - at)).length())
-            })
-            .collect();
-        let inner =
-            |v: &[f64]| -> Vec<f64> { (0..side * side).map(|i| v[(i / side + 1) * wide + i % side + 1]).collect() };
-        let slope = |v: &[f64], step: usize| -> Vec<f64> {
-            let middle = |i: usize| (i / side + 1) * wide + i % side + 1;
-            (0..side * side).map(|i| (v[middle(i) + step] - v[middle(i) - step]) / 2.0).collect()
+        let from_middle = |i: usize| i as f64 - middle;
+        let mut disc = Vec::with_capacity(wide * wide);
+        for y in 0..wide {
+            let q = |x: usize| Vec2::new(from_middle(x) - 1.0, from_middle(y) - 1.0);
+            disc.extend((0..wide).map(|x| -dark((q(x) - (place - at)).length())));
+        }
+        // The rows of the window itself, `shift` samples further.
+        let rows = |v: &[f64], shift: isize| -> Vec<f64> {
+            let mut rows = Vec::with_capacity(side * side);
+            for y in 0..side {
+                rows.extend_from_slice(&v[((y + 1) * wide + 1).wrapping_add_signed(shift)..][..side]);
+            }
+            rows
+        };
+        let slope = |v: &[f64], step: isize| -> Vec<f64> {
+            rows(v, step).iter().zip(rows(v, -step)).map(|(after, before)| (after - before) / 2.0).collect()
         };
         // Depth of this dot: the projection of the window onto the disc.
-        let (mut flat_disc, mut flat_seen) = (inner(&disc), inner(&seen));
-        self.level(&mut flat_disc);
-        self.level(&mut flat_seen);
-        let share = &self.share;
-        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).zip(share).map(|((a, b), s)| a * b * s).sum::<f64>();
-        let depth = product(&flat_disc, &flat_seen) / product(&flat_disc, &flat_disc);
+        let mut flat = [rows(&disc, 0), rows(&seen, 0)];
+        self.level(&mut flat);
+        let [of_disc, of_seen] = self.products_with(&flat, &flat[0]);
+        let depth = of_seen / of_disc;
         let dot: Vec<f64> = disc.iter().map(|v| v * depth).collect();
         let weave: Vec<f64> = seen.iter().zip(&dot).map(|(v, d)| v - d).collect();
+        let down = wide as isize;
         let mut patterns =
-            [inner(&dot), inner(&weave), slope(&dot, 1), slope(&weave, 1), slope(&dot, wide), slope(&weave, wide)];
+            [rows(&dot, 0), rows(&weave, 0), slope(&dot, 1), slope(&weave, 1), slope(&dot, down), slope(&weave, down)];
         let bare = patterns.clone();
-        patterns.iter_mut().for_each(|p| self.level(p));
-        let gram = std::array::from_fn(|j| std::array::from_fn(|k| product(&patterns[j], &patterns[k])));
-        let stretched = std::array::from_fn(|k| {
-            std::array::from_fn(|of| {
-                std::array::from_fn(|part| {
-                    let slope = &bare[2 * (1 + part / 2) + of];
-                    let arms =
-                        (0..side * side).map(|i| if part % 2 == 0 { i % side } else { i / side } as f64 - middle);
-                    let moved: Vec<f64> = slope.iter().zip(arms).map(|(v, arm)| v * arm).collect();
-                    product(&patterns[k], &moved)
-                })
-            })
-        });
+        self.level(&mut patterns);
+        let gram = std::array::from_fn(|j| self.products_with(&patterns, &patterns[j]));
+        let mut stretched = [[[0.0; 4]; 2]; PATTERNS];
+        for (of, part) in (0..2).flat_map(|of| (0..4).map(move |part| (of, part))) {
+            let mut moved = bare[2 * (1 + part / 2) + of].clone();
+            for (y, row) in moved.chunks_exact_mut(side).enumerate() {
+                for (x, v) in row.iter_mut().enumerate() {
+                    *v *= from_middle(if part % 2 == 0 { x } else { y });
+                }
+            }
+            for (stretched, product) in stretched.iter_mut().zip(self.products_with(&patterns, &moved)) {
+                stretched[of][part] = product;
+            }
+        }
+        let share = &self.share;
         let highest = |p: &[f64]| p.iter().zip(share).fold(1e-9f64, |m, (v, s)| m.max((v * s).abs()));
         let scale: [f64; PATTERNS] = std::array::from_fn(|k| FULL_WEIGHT / highest(&patterns[k]));
-        let weighed = |k: usize| patterns[k].iter().zip(share).map(|(v, s)| v * s);
-        let weights = side_by_side(std::array::from_fn(|k| self.part.cut(weighed(k), scale[k], side)));
+        let weighed = |i: usize| std::array::from_fn(|k| patterns[k][i] * share[i]);
+        let weights = side_by_side(self.part.cut(weighed, scale, side));
         Some(Template { weights, levels: scale.map(|s| 1.0 / (s * STEPS_PER_LEVEL)), gram, stretched })
     }
 
@@ -355,7 +391,8 @@ pub fn darkness(grey: &[u8], size: SizePx, places: impl Iterator<Item = Vec2>, s
         for y in (place.y - reach) as usize..=(place.y + reach) as usize {
             for x in (place.x - reach) as usize..=(place.x + reach) as usize {
                 let steps = (Vec2::new(x as f64, y as f64) - place).length() / step_px;
-                let (ring, share) = (steps as usize, steps.fract());
+                let ring = steps as usize;
+                let share = steps - ring as f64;
                 if ring + 1 < count {
                     let level = f64::from(grey[y * size.width + x]);
                     for (ring, share) in [(ring, 1.0 - share), (ring + 1, share)] {

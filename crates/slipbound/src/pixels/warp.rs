@@ -162,12 +162,14 @@ impl WarpTable {
 
 /// Splits a coordinate into the pixel before it and the 128ths after; None outside `0..=len - 1`.
 fn whole_and_fraction(at: f64, len: usize) -> Option<(usize, u8)> {
-    let steps = (at * f64::from(FRACTIONS)).round();
+    let exact = at * f64::from(FRACTIONS);
     let last = (len - 1) * usize::from(FRACTIONS);
-    if !(steps >= 0.0 && steps <= last as f64) {
+    if !(exact > -0.5 && exact < last as f64 + 0.5) {
         return None; // NaN, too
     }
-    let steps = steps as usize;
+    // The nearest one: `round` is a call where the CPU is not known to have the instruction.
+    let before = exact as usize;
+    let steps = before + usize::from(exact - before as f64 >= 0.5);
     let whole = (steps / usize::from(FRACTIONS)).min(len - 2);
     Some((whole, (steps - whole * usize::from(FRACTIONS)) as u8))
 }

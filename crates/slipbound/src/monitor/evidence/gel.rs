@@ -177,10 +177,14 @@ wide! {
 /// Markers and weights whose weighted sum of displacements is that of a node: the value there of a linear function
 /// fitted by weighted least squares.
 fn weights_of(node: Vec2, rest_px: &[Vec2], reach_px: f64) -> Vec<(u32, f32)> {
-    // Where markers are sparse, the fourth nearest sets the reach.
+    // Where markers are sparse, the fourth nearest sets the reach. A marker that is far along one axis needs no distance.
     let mut nearest = [f64::MAX; 4];
     for &p in rest_px {
-        let d = (p - node).length();
+        let away = p - node;
+        if away.x.abs().max(away.y.abs()) > nearest[3] {
+            continue;
+        }
+        let d = away.length();
         if d < nearest[3] {
             nearest[3] = d;
             nearest.sort_unstable_by(f64::total_cmp);
@@ -188,13 +192,20 @@ fn weights_of(node: Vec2, rest_px: &[Vec2], reach_px: f64) -> Vec<(u32, f32)> {
     }
     let fourth_px = if nearest[3] < f64::MAX { nearest[3] } else { 0.0 };
     let reach_px = reach_px.max(0.7 * fourth_px);
+    let end_px = 1.01 * CUT_REACHES * reach_px;
     let near = |p: Vec2| {
-        let r = (p - node) / reach_px;
+        let away = p - node;
+        if away.x.abs().max(away.y.abs()) > end_px {
+            return None;
+        }
+        let r = away / reach_px;
         (r.length() < CUT_REACHES).then(|| (r, libm::exp(-0.5 * r.length_squared())))
     };
+    let known: Vec<(u32, Vec2, f64)> =
+        (0..).zip(rest_px).filter_map(|(i, &p)| near(p).map(|(r, w)| (i, r, w))).collect();
     // Normal equations of value + slope_x x + slope_y y.
     let (mut w0, mut wx, mut wy, mut wxx, mut wxy, mut wyy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    for (r, w) in rest_px.iter().filter_map(|&p| near(p)) {
+    for &(_, r, w) in &known {
         w0 += w;
         wx += w * r.x;
         wy += w * r.y;
@@ -210,8 +221,7 @@ fn weights_of(node: Vec2, rest_px: &[Vec2], reach_px: f64) -> Vec<(u32, f32)> {
         return Vec::new();
     }
     let weight = |r: Vec2, w: f64| (w * (c0 + cx * r.x + cy * r.y) / determinant) as f32;
-    let known = rest_px.iter().enumerate().filter_map(|(i, &p)| near(p).map(|(r, w)| (i as u32, weight(r, w))));
-    known.collect()
+    known.into_iter().map(|(i, r, w)| (i, weight(r, w))).collect()
 }
 
 #[cfg(test)]

@@ -67,11 +67,23 @@ impl Pattern {
         let image_cells = ImageCells::new(sensor);
         let count = image_cells.shades.len();
         let mask_px = MASK_DIAMETERS * sensor.marker_diameter_px;
-        let uncovered = |cell| rest_px.iter().all(|&marker| (marker - image_cells.centre_px(cell)).length() > mask_px);
-        let free = (0..count).map(|cell| u8::from(uncovered(cell))).collect();
         let columns_px: Vec<f64> = (0..image_cells.columns).map(|x| image_cells.centre_px(x).x).collect();
         let rows_px: Vec<f64> =
             (0..image_cells.rows).map(|y| image_cells.centre_px(y * image_cells.columns).y).collect();
+        let mut free = vec![1; count];
+        for &marker in rest_px {
+            // Within this square; a cell beyond it is not covered.
+            let near = |px: &[f64], at: f64| {
+                let first = px.partition_point(|&px| px < at - mask_px);
+                first..px.partition_point(|&px| px <= at + mask_px)
+            };
+            for y in near(&rows_px, marker.y) {
+                for x in near(&columns_px, marker.x) {
+                    let cell = y * image_cells.columns + x;
+                    free[cell] &= u8::from((marker - image_cells.centre_px(cell)).length() > mask_px);
+                }
+            }
+        }
         let planes = Planes::new(if sensor.skin == Skin::Fabric { 1 } else { 2 }, count);
         let blur_pitch = if sensor.skin == Skin::Fabric { BLUR_PITCH_FABRIC } else { BLUR_PITCH };
         let spread_cells = (blur_pitch * sensor.pitch_px / image_cells.cell_px as f64).max(1.0);

@@ -129,7 +129,8 @@ fn profile(grey: &[u8], size: SizePx, markers: &[RestMarker], diameter_px: f64) 
     let dark = darkness(grey, size, markers.iter().map(|m| m.position), step_px, 0.9 * diameter_px);
     move |away_px: f64| {
         let steps = away_px / step_px;
-        let (ring, share) = (steps as usize, steps.fract());
+        let ring = steps as usize;
+        let share = steps - ring as f64;
         let at = |ring: usize| dark.get(ring).copied().unwrap_or(0.0);
         at(ring) * (1.0 - share) + at(ring + 1) * share
     }
