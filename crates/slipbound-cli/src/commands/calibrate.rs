@@ -49,6 +49,21 @@ fn frames_in_words(count: usize) -> String {
     format!("{count} frame{}", if count == 1 { "" } else { "s" })
 }
 
+/// Least turn of the grid that is told of, deg: a grid that is printed straight is seen within it.
+const TURN_DEG: f64 = 5.0;
+
+/// What to tell of a grid that is turned in the image; x and y of the reports turn with it.
+fn turn_in_words(turn_rad: f64) -> Option<String> {
+    let deg = turn_rad.to_degrees();
+    (deg.abs() >= TURN_DEG).then(|| {
+        let sense = if deg > 0.0 { "clockwise" } else { "counter-clockwise" };
+        format!(
+            "the grid is turned by {:.0} deg {sense} in the image: x and y of the reports follow its rows and columns",
+            deg.abs()
+        )
+    })
+}
+
 impl Calibrate {
     /// Calibrates and writes the file.
     pub fn run(&self) -> Result<Outcome, Failure> {
@@ -145,6 +160,9 @@ impl Calibrate {
                 1 => "1 dot lies off the grid and is not used: red in the picture".to_owned(),
                 count => format!("{count} dots lie off the grid and are not used: red in the picture"),
             })?;
+        }
+        if let Some(line) = turn_in_words(found.turn_rad()) {
+            terminal.say(&line)?;
         }
         let flip = sensor.flip;
         terminal.say(&match self.flip {
@@ -255,5 +273,13 @@ mod tests {
         };
         assert!(of(240, Skin::Fabric).is_some_and(|note| note.contains("300 rows or more for a fabric skin, got 240")));
         assert_eq!((of(300, Skin::Fabric), of(240, Skin::Smooth)), (None, None));
+    }
+
+    #[test]
+    fn a_turned_grid_is_told_of_with_its_sense() {
+        let told = |deg: f64| turn_in_words(deg.to_radians());
+        assert!(told(20.3).is_some_and(|line| line.contains("turned by 20 deg clockwise in the image")));
+        assert!(told(-12.0).is_some_and(|line| line.contains("turned by 12 deg counter-clockwise in the image")));
+        assert_eq!((told(4.9), told(-4.9)), (None, None));
     }
 }
