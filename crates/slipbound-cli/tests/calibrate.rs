@@ -116,8 +116,9 @@ fn what_cannot_be_done_is_refused_with_the_reason_and_leaves_no_file() {
         (&["calibrate", "even.jpg", "-o", "a.json"], "expected a name that ends in .toml, got a.json"),
         (
             &["calibrate", "even.jpg", "-o", "a.toml", "--frames", "5..9"],
-            "--frames 5..9: even.jpg has no whole frame there",
+            "--frames 5..9: even.jpg ends before frame 8: it has 1 frame",
         ),
+        (&["calibrate", "even.jpg", "-o", "a.toml", "--frames", "0..2"], "ends before frame 1: it has 1 frame"),
         (&["calibrate", "even.jpg", "-o", "a.toml", "--weight-g", "100"], "--sensor"),
         (
             &["calibrate", "even.jpg", "-o", "a.toml", "--weight-g", "0", "--sensor", "gelslim"],
@@ -155,6 +156,51 @@ fn a_picture_that_is_there_stays() {
     let (code, message) = told(&[&words[..], &["--force"]].concat());
     assert_eq!(code, Some(0), "{message}");
     assert!(std::fs::read(&photo).expect("there").starts_with(b"\x89PNG"));
+}
+
+/// A user who names the file after the photo did not name the picture that goes beside it.
+#[test]
+fn a_picture_that_would_fall_on_the_photo_is_told_of_by_the_name_that_was_given() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("photo.png"), "mine").expect("writes");
+    let done = slipbound_in(folder.path(), &["calibrate", "photo.png", "-o", "photo.toml", "--force"]);
+    let message = String::from_utf8_lossy(&done.stderr);
+    let expected =
+        "--output photo.toml: expected a place of its own for the picture of the grid beside it, got photo.png";
+    assert!(done.status.code() == Some(2) && message.contains(expected), "{message}");
+    assert_eq!(std::fs::read_to_string(folder.path().join("photo.png")).expect("there"), "mine");
+}
+
+/// Exit code 3 comes with what was lost.
+#[test]
+fn frames_that_are_torn_or_of_another_size_are_told_of() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = "press?camera=gelsight_mini&grid=fast&hold_s=0.1";
+    let done = slipbound_in(folder.path(), &["simulate", scene, "-o", "run"]);
+    assert!(done.status.success(), "{done:?}");
+    let frame = |i: usize| folder.path().join(format!("run/frame_{i:06}.jpg"));
+    let told = |output: &str| {
+        let done = slipbound_in(folder.path(), &["calibrate", "run", "-o", output, "--frames", "0..10"]);
+        (done.status.code(), String::from_utf8_lossy(&done.stderr).into_owned())
+    };
+    std::fs::write(frame(3), "").expect("writes");
+    std::fs::write(frame(12), "").expect("writes"); // not asked for
+    let (code, message) = told("torn.toml");
+    assert_eq!(code, Some(3), "{message}");
+    assert!(message.contains("run: frame 3 (frame_000003.jpg) is torn: empty: zero bytes\n"), "{message}");
+    std::fs::write(frame(5), "").expect("writes");
+    assert!(told("both.toml").1.contains("zero bytes; 2 are torn in all"));
+    for i in [3, 5] {
+        std::fs::copy(frame(2), frame(i)).expect("copies");
+    }
+    assert_eq!(told("whole.toml"), (Some(0), String::new()));
+    let small = vec![128u8; 32 * 32];
+    let encoder = jpeg_encoder::Encoder::new_file(frame(4), 90).expect("writes");
+    encoder.encode(&small, 32, 32, jpeg_encoder::ColorType::Luma).expect("writes");
+    let (code, message) = told("sizes.toml");
+    assert_eq!(code, Some(3), "{message}");
+    let expected = "1 frame of another size passed over; the first is frame 4 (frame_000004.jpg): expected ";
+    assert!(message.contains(expected) && message.contains(", got 32x32"), "{message}");
 }
 
 /// The sensor file goes where `watch` finds it, into the folder of the frames; the image with the grid is no frame.
@@ -221,6 +267,19 @@ fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_ref
     assert!(done.status.code() == Some(2) && message.contains("--weight-g 0.3: expected grams that give"), "{message}");
     assert!(message.contains("from 0.0027 to 6.8 N per marker and pitch, got 0.00020") && !path.exists(), "{message}");
 
+    // A sensor file of another finger, or with another flip, is not taken for a touched finger.
+    let text = std::fs::read_to_string(folder.path().join("duck/sensor.toml")).expect("a finger");
+    for (from, to, said) in [
+        ("flip = \"vertical\"", "flip = \"none\"", "with flip = \"vertical\" they stand"),
+        ("pitch_px = 22.", "pitch_px = 30.", "is it the right sensor file?"),
+    ] {
+        assert!(text.contains(from), "{text}");
+        std::fs::write(folder.path().join("wrong.toml"), text.replace(from, to)).expect("writes");
+        let done = slipbound_in(folder.path(), &words("duck", "wrong.toml"));
+        let message = String::from_utf8_lossy(&done.stderr);
+        assert!(done.status.code() == Some(2) && message.contains(said), "{message}");
+        assert!(message.contains("duck: markers expected on a grid of "), "{message}");
+    }
     // An older measurement in the finger's own file is replaced, however its header is written.
     let own = folder.path().join("own.toml");
     let text = std::fs::read_to_string(folder.path().join("duck/sensor.toml")).expect("a finger");

@@ -190,6 +190,9 @@ fn open_video(path: &Path) -> Result<Box<dyn FrameSource + Send>, Error> {
     let read = |source| Error::Read { path: path.to_owned(), source };
     let mut file = BufReader::new(File::open(path).map_err(read)?);
     let start = first_bytes(&mut file).map_err(read)?;
+    if start.is_empty() && !has_ending(path, "avi") {
+        return Err(read(io::Error::new(ErrorKind::UnexpectedEof, "expected a video, got an empty file")));
+    }
     let is_avi = start.starts_with(b"RIFF") && start.ends_with(b"AVI ");
     if start.len() < 12 && (b"RIFF".starts_with(&start) || start.starts_with(b"RIFF")) {
         let got = format!("{} bytes in all", start.len());

@@ -115,6 +115,10 @@ fn what_is_not_there_is_named() {
     fs::write(path("notes.txt"), "no picture").expect("writes");
     let empty = refused(dir.path().to_str().expect("UTF-8"));
     assert!(matches!(empty, Error::NoImages { others_count: 1, .. }), "{empty}");
+    // A recorder that died at once leaves such a file.
+    fs::write(path("clip.mp4"), "").expect("writes");
+    let expected = format!("{}: cannot read: expected a video, got an empty file", path("clip.mp4"));
+    assert_eq!(refused(&path("clip.mp4")).to_string(), expected);
 }
 
 #[test]

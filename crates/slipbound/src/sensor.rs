@@ -201,7 +201,10 @@ impl Sensor {
         let mut from = 0.0;
         for band in &self.edge_bands {
             if !(band.rows_to_fraction > from && band.rows_to_fraction <= 1.0) {
-                let expected = format!("a number above {from}, at most 1");
+                let expected = match from < 1.0 {
+                    true => format!("a number above {from}, at most 1"),
+                    false => "no band after the one that ends at 1".into(),
+                };
                 return bad("edge_bands.rows_to_fraction", band.rows_to_fraction.to_string(), &expected);
             }
             if band.low_levels > band.high_levels {
@@ -420,6 +423,12 @@ pub(crate) mod tests {
         assert_eq!(wrong.check().expect_err("negative").key, "grey_weights_rgb");
         let wrong = Sensor { skin: Skin::Fabric, ..smooth() };
         assert_eq!(wrong.check().expect_err("no bands").key, "edge_bands");
+        let band = EdgeBand { rows_to_fraction: 1.0, low_levels: 9, high_levels: 9 };
+        let wrong = Sensor { edge_bands: vec![band; 2], ..smooth() };
+        assert_eq!(
+            wrong.check().expect_err("one too many").to_string(),
+            "edge_bands.rows_to_fraction: expected no band after the one that ends at 1, got 1"
+        );
         let wrong = Sensor { gel_mm: Some([25.0, f64::NAN]), ..smooth() };
         assert_eq!(wrong.check().expect_err("NaN").key, "gel_mm (y)");
         let wrong = Sensor { gel_mm: Some([25.0, 20.0]), pitch_mm: None, ..smooth() };

@@ -13,9 +13,11 @@ use slipbound::image::Frame;
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
 use slipbound::sensor::{Polarity, Sensor, Skin};
 use slipbound_rig::calibration::{self, HangingMass, HangingMassError, MeasuredShear, ShearFileError};
+use slipbound_rig::report_summary::{frame_name, torn};
 use slipbound_rig::sensors;
 use slipbound_rig::source::{ReadAhead, most_common_size};
 use std::fs;
+use std::ops::Range;
 use std::path::Path;
 
 /// Fewest rows of an image in which the threads of a fabric skin are wide enough: three pixels on the simulated finger.
@@ -35,6 +37,33 @@ fn coarse_weave_note(sensor: &Sensor) -> Option<String> {
 /// Heaviest mass that makes sense on a fingertip, g.
 const HEAVIEST_G: f64 = 20_000.0;
 
+/// Frames that did not arrive whole.
+#[derive(Default)]
+struct TornFrames {
+    count: usize,
+    /// Which was the first, and why.
+    first: Option<String>,
+}
+
+fn frames_in_words(count: usize) -> String {
+    format!("{count} frame{}", if count == 1 { "" } else { "s" })
+}
+
+/// Least turn of the grid that is told of, deg: a grid that is printed straight is seen within it.
+const TURN_DEG: f64 = 5.0;
+
+/// What to tell of a grid that is turned in the image; x and y of the reports turn with it.
+fn turn_in_words(turn_rad: f64) -> Option<String> {
+    let deg = turn_rad.to_degrees();
+    (deg.abs() >= TURN_DEG).then(|| {
+        let sense = if deg > 0.0 { "clockwise" } else { "counter-clockwise" };
+        format!(
+            "the grid is turned by {:.0} deg {sense} in the image: x and y of the reports follow its rows and columns",
+            deg.abs()
+        )
+    })
+}
+
 impl Calibrate {
     /// Calibrates and writes the file.
     pub fn run(&self) -> Result<Outcome, Failure> {
@@ -48,12 +77,16 @@ impl Calibrate {
     fn finger(&self) -> Result<Outcome, Failure> {
         let mut terminal = Terminal::plain();
         let mut recording = recording::open(&self.source)?;
-        let (buffers, torn_count) = self.frames(&mut recording)?;
+        let (buffers, torn) = self.frames(&mut recording)?;
         let size = most_common_size(&buffers);
-        let same: Vec<&FrameBuffer> = buffers.iter().filter(|b| Some(b.size) == size).collect();
-        if same.len() < buffers.len() {
-            let other = buffers.len() - same.len();
-            terminal.note(&format!("{}: {other} frames of another size passed over", self.source));
+        let (same, other): (Vec<&FrameBuffer>, Vec<&FrameBuffer>) = buffers.iter().partition(|b| Some(b.size) == size);
+        self.note_torn(&terminal, torn.count, torn.first.as_deref());
+        if let (Some(size), Some(first)) = (size, other.first()) {
+            let (count, first_name, got) = (frames_in_words(other.len()), frame_name(first), first.size);
+            terminal.note(&format!(
+                "{}: {count} of another size passed over; the first is {first_name}: expected {size}, got {got}",
+                self.source
+            ));
         }
         let frames: Result<Vec<Frame<'_>>, _> = same.iter().map(|b| b.frame()).collect();
         let frames = frames.map_err(|e| Failure::work(&self.source, e))?;
@@ -85,7 +118,14 @@ impl Calibrate {
         }
         calibration::write_grid_picture(&picture, &found).map_err(|e| Failure::Work(e.into()))?;
         self.print(&mut terminal, &found, [from, to])?;
-        Ok(if torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
+        Ok(if torn.count + other.len() > 0 { Outcome::DataLost } else { Outcome::Done })
+    }
+
+    /// Tells of the torn frames.
+    fn note_torn(&self, terminal: &Terminal, count: usize, first: Option<&str>) {
+        let Some(first) = first else { return };
+        let all = if count > 1 { format!("; {count} are torn in all") } else { String::new() };
+        terminal.note(&format!("{}: {first}{all}", self.source));
     }
 
     fn print(&self, terminal: &mut Terminal, found: &Calibration, [from, to]: [u64; 2]) -> Result<(), Failure> {
@@ -116,8 +156,13 @@ impl Calibrate {
             sensor.pitch_px, sensor.marker_diameter_px, found.residual_pitch
         ))?;
         if !found.off_grid.is_empty() {
-            let count = found.off_grid.len();
-            terminal.say(&format!("{count} dots lie off the grid and are not used: red in the picture"))?;
+            terminal.say(&match found.off_grid.len() {
+                1 => "1 dot lies off the grid and is not used: red in the picture".to_owned(),
+                count => format!("{count} dots lie off the grid and are not used: red in the picture"),
+            })?;
+        }
+        if let Some(line) = turn_in_words(found.turn_rad()) {
+            terminal.say(&line)?;
         }
         let flip = sensor.flip;
         terminal.say(&match self.flip {
@@ -159,52 +204,56 @@ impl Calibrate {
             HangingMassError::Frame(e) => Failure::work(&self.source, e),
             other => Failure::Arguments(anyhow!("{}: {other}", self.source)),
         });
-        let MeasuredShear { shear, torn_count } = measured?;
+        let MeasuredShear { shear, torn_count, first_torn } = measured?;
         let text = calibration::sensor_file_with_shear(name, &self.output, &shear).map_err(|e| match e {
             ShearFileError::Folder { .. } => Failure::Arguments(anyhow!("--output: {e}")),
             ShearFileError::Read { .. } => Failure::Work(e.into()),
         });
         self.write_output(&text?)?;
         let mut terminal = Terminal::plain();
+        self.note_torn(&terminal, torn_count, first_torn.as_deref());
         terminal.say(&format!("{}: {}", self.source, shear.provenance))?;
         terminal.say(&format!("stiffness {:.4} N per marker and pitch", shear.stiffness_n_per_pitch))?;
         terminal.say(&format!("written: {}", self.output.display()))?;
         Ok(if torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
     }
 
-    /// The whole frames to calibrate from, and how many were torn.
-    fn frames(&self, recording: &mut ReadAhead) -> Result<(Vec<FrameBuffer>, usize), Failure> {
-        let (mut whole, mut torn_count, mut last_seq) = (Vec::new(), 0, None);
-        let mut first_torn = String::new();
+    /// The whole frames to calibrate from, and the torn ones.
+    fn frames(&self, recording: &mut ReadAhead) -> Result<(Vec<FrameBuffer>, TornFrames), Failure> {
+        let (mut whole, mut all_torn, mut frames_count) = (Vec::new(), TornFrames::default(), 0);
         let mut buffer = FrameBuffer::default();
+        let is_wanted = |seq: u64| self.frames.as_ref().is_none_or(|frames| frames.contains(&seq));
         let until = self.frames.as_ref().map(|f| f.end);
-        while until.map_or(whole.len() < FRAMES_MOST, |until| last_seq.is_none_or(|seq| seq + 1 < until)) {
+        while until.map_or(whole.len() < FRAMES_MOST, |until| frames_count < until) {
             match recording.next(&mut buffer)? {
                 Next::End => break,
                 Next::Silent => continue,
                 Next::Torn { reason } => {
-                    if torn_count == 0 {
-                        first_torn = format!(": {reason}");
+                    if is_wanted(buffer.seq) {
+                        all_torn.count += 1;
+                        all_torn.first.get_or_insert_with(|| torn(&buffer, &reason));
                     }
-                    torn_count += 1;
                 }
-                Next::Frame if self.frames.as_ref().is_none_or(|f| f.contains(&buffer.seq)) => {
-                    whole.push(buffer.clone());
-                }
+                Next::Frame if is_wanted(buffer.seq) => whole.push(buffer.clone()),
                 Next::Frame => {}
             }
-            last_seq = Some(buffer.seq);
+            frames_count = buffer.seq + 1;
         }
-        match (&self.frames, whole.is_empty()) {
-            (_, false) => Ok((whole, torn_count)),
-            (Some(f), true) => Err(Failure::Arguments(anyhow!(
-                "--frames {}..{}: {} has no whole frame there",
-                f.start,
-                f.end,
+        let of_torn = all_torn.first.as_deref().map_or_else(String::new, |first| format!("; {first}"));
+        match &self.frames {
+            Some(Range { start, end }) if frames_count < *end => Err(Failure::Arguments(anyhow!(
+                "--frames {start}..{end}: {} ends before frame {}: it has {}",
+                self.source,
+                end - 1,
+                frames_in_words(frames_count as usize)
+            ))),
+            _ if !whole.is_empty() => Ok((whole, all_torn)),
+            Some(Range { start, end }) => Err(Failure::Arguments(anyhow!(
+                "--frames {start}..{end}: {} has no whole frame there{of_torn}",
                 self.source
             ))),
-            (None, true) => Err(Failure::Arguments(anyhow!(
-                "{}: expected images of a finger, got no whole frame ({torn_count} torn{first_torn})",
+            None => Err(Failure::Arguments(anyhow!(
+                "{}: expected images of a finger, got no whole frame{of_torn}",
                 self.source
             ))),
         }
@@ -224,5 +273,13 @@ mod tests {
         };
         assert!(of(240, Skin::Fabric).is_some_and(|note| note.contains("300 rows or more for a fabric skin, got 240")));
         assert_eq!((of(300, Skin::Fabric), of(240, Skin::Smooth)), (None, None));
+    }
+
+    #[test]
+    fn a_turned_grid_is_told_of_with_its_sense() {
+        let told = |deg: f64| turn_in_words(deg.to_radians());
+        assert!(told(20.3).is_some_and(|line| line.contains("turned by 20 deg clockwise in the image")));
+        assert!(told(-12.0).is_some_and(|line| line.contains("turned by 12 deg counter-clockwise in the image")));
+        assert_eq!((told(4.9), told(-4.9)), (None, None));
     }
 }

@@ -1,13 +1,14 @@
 //! Shear stiffness from a recording that begins untouched, then holds a mass that stands, and ends with the mass
 //! hanging.
 
-use crate::source::ReadAhead;
+use crate::report_summary::torn;
+use crate::source::{ReadAhead, most_common_size};
 use slipbound::calibrate::{
     HangingFrame, ShearError, outermost, shear_stiffness, stationary_end, stationary_held, steadied,
 };
 use slipbound::finger_pipeline::RestFinder;
 use slipbound::image::ImageError;
-use slipbound::monitor::{RestError, RestKind, Settings, SlipMonitor, SlipRule};
+use slipbound::monitor::{Reason, RestError, RestKind, Settings, SlipMonitor, SlipRule};
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
 use slipbound::sensor::{Sensor, Shear};
 use slipbound::setting::SettingError;
@@ -42,6 +43,8 @@ pub struct MeasuredShear {
     pub shear: Shear,
     /// Torn frames, which were left out.
     pub torn_count: usize,
+    /// Which was the first of them, and why.
+    pub first_torn: Option<String>,
 }
 
 /// Why a recording gives no shear stiffness.
@@ -62,6 +65,9 @@ pub enum HangingMassError {
     /// The first frames give no rest frame.
     #[error(transparent)]
     Rest(#[from] RestError),
+    /// Its markers are not those of the sensor.
+    #[error("{0}")]
+    OtherFinger(Reason),
     /// The finger is never seen untouched.
     #[error("expected a recording that begins with the finger untouched, got one that begins in contact")]
     InContact,
@@ -90,13 +96,16 @@ impl HangingMass {
     pub fn measure(&self, source: &mut ReadAhead, sensor: &Sensor) -> Result<MeasuredShear, HangingMassError> {
         let mut monitor = monitor_from_start(source, sensor)?;
         let outermost = outermost(monitor.sensor(), monitor.markers());
-        let (mut reports, mut markers, mut torn_count) = (Vec::new(), Vec::new(), 0);
+        let (mut reports, mut markers, mut torn_count, mut first_torn) = (Vec::new(), Vec::new(), 0, None);
         let mut buffer = FrameBuffer::default();
         loop {
             match source.next(&mut buffer).map_err(HangingMassError::Source)? {
                 Next::End => break,
                 Next::Silent => {}
-                Next::Torn { .. } => torn_count += 1,
+                Next::Torn { reason } => {
+                    torn_count += 1;
+                    first_torn.get_or_insert_with(|| torn(&buffer, &reason));
+                }
                 Next::Frame => {
                     reports.push(monitor.step(&buffer.frame()?, None));
                     markers.push(monitor.markers().to_vec());
@@ -116,7 +125,7 @@ impl HangingMass {
         if !(expected_n_per_pitch[0]..=expected_n_per_pitch[1]).contains(&got) {
             return Err(HangingMassError::Implausible { mass_g, expected_n_per_pitch, got });
         }
-        Ok(MeasuredShear { shear, torn_count })
+        Ok(MeasuredShear { shear, torn_count, first_torn })
     }
 }
 
@@ -131,13 +140,18 @@ fn monitor_from_start(source: &mut ReadAhead, sensor: &Sensor) -> Result<SlipMon
     // The stiffness is not known yet, and without it markers show slip more reliably than an estimate.
     let settings = Settings::default().with(|s| s.slip.rule = SlipRule::Markers);
     let window_count = settings.rest.window_count as usize;
-    let mut whole = source.read_ahead(window_count).filter(|ahead| ahead.torn.is_none()).peekable();
-    let size = whole.peek().map(|ahead| ahead.buffer.size).ok_or(HangingMassError::NoFrame)?;
+    let whole = source.read_ahead(window_count).filter(|ahead| ahead.torn.is_none()).map(|ahead| &ahead.buffer);
+    let whole: Vec<&FrameBuffer> = whole.collect();
+    let size = most_common_size(whole.iter().copied()).ok_or(HangingMassError::NoFrame)?;
     let mut finder = RestFinder::new(sensor, &settings, size)?;
-    for ahead in whole {
-        finder.see(&ahead.buffer)?;
+    for buffer in whole {
+        finder.see(buffer)?;
     }
     let rest = finder.find()?.rest;
+    // Before the kind: an untouched finger taken for another one may look touched.
+    if let Some(reason) = rest.refusal() {
+        return Err(HangingMassError::OtherFinger(reason));
+    }
     match rest.kind() {
         RestKind::InContact => Err(HangingMassError::InContact),
         RestKind::Unloaded => Ok(SlipMonitor::new(sensor, &settings, rest)?),

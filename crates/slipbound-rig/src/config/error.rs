@@ -77,6 +77,16 @@ pub enum Error {
         /// What is wrong with it.
         source: Box<Error>,
     },
+    /// The sensor of a finger of a hand cannot be used.
+    #[error("{file}: {key}: {source}")]
+    FingerSensor {
+        /// The hand file.
+        file: String,
+        /// The key that names the sensor, dotted.
+        key: String,
+        /// What is wrong with it.
+        source: Box<Error>,
+    },
     /// A name that is neither `paper` nor a file.
     #[error("no settings are called `{name}`: expected `paper` or FILE.toml, and there is no such file")]
     UnknownSettings {

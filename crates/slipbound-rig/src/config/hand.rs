@@ -189,9 +189,12 @@ pub fn load(path: &Path) -> Result<HandConfig, Error> {
                 return refuse(key("mounting"), expected, format!("`{axes}`"));
             }
         };
-        let is_file = f.sensor.ends_with(".toml");
         let beside = path.parent().unwrap_or(Path::new("")).join(&f.sensor).display().to_string();
-        let sensor = sensors::load(if is_file { &beside } else { &f.sensor })?;
+        let sensor = sensors::load(if sensors::is_file(&f.sensor) { &beside } else { &f.sensor });
+        let sensor = sensor.map_err(|e| {
+            let (file, key) = (layer.file.clone(), key("sensor"));
+            Error::FingerSensor { file, key, source: Box::new(e) }
+        })?;
         match &sensor.serial {
             Some(serial) if *serial != f.serial => {
                 return refuse(key("serial"), &format!("`{serial}` as in {}", f.sensor), format!("`{}`", f.serial));
@@ -261,7 +264,9 @@ mod tests {
             ),
             ("side = \"right\"", "side = \"top\"", ["fingers[1].side: expected `left` or `right`, got `top`", "", ""]),
             ("side = \"right\"", "sides = \"right\"", ["hand.toml", "`fingers[1].sides`", "did you mean `side`?"]),
-            ("\"a.toml\"", "\"b.toml\"", ["b.toml", "cannot read", ""]),
+            ("\"a.toml\"", "\"b.toml\"", ["hand.toml: fingers[0].sensor: ", "b.toml: cannot read", ""]),
+            ("\"gelslim\"", "\"gelslin\"", ["hand.toml: fingers[1].sensor", "`gelslin`", "did you mean `gelslim`?"]),
+            ("\"a.toml\"", "\"fingers/a\"", ["fingers[0].sensor: /", "/fingers/a: cannot read", ""]),
         ] {
             let message = read(&HAND.replacen(from, to, 1)).expect_err("refused").to_string();
             for part in parts {

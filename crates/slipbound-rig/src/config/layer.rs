@@ -117,6 +117,8 @@ fn value_at<'a>(all: &'a Value, path: &serde_path_to_error::Path) -> Option<&'a 
 /// The parser's message as `expected X, got Y`, in the terms of TOML; one that expects nothing as it is.
 fn expected_and_got(problem: &str, value: Option<&Value>) -> String {
     let (said, kind) = match problem.rsplit_once("expected ") {
+        // A check of ours that says it all.
+        Some((_, kind)) if kind.contains(", got ") => return problem.to_owned(),
         Some(parts) => parts,
         // A table in place of a name.
         None if problem.starts_with("wanted exactly 1 element") => ("", "string only"),

@@ -372,5 +372,8 @@ mod tests {
         }
         let message = load("nonesuch").expect_err("refused").to_string();
         assert!(message.contains("gelsight_mini_wide") && message.contains("FILE.toml"), "{message}");
+        let short = "[rectification.distortion]\ncentre_px = [2, 2]\nspan_px = [9, 9]\nx_px = [1]\ny_px = []\n";
+        let message = load_file(&format!("extends = \"gelslim\"\n{short}")).expect_err("refused").to_string();
+        assert!(message.ends_with("21 in each (degree 5), got 1 and 0"), "{message}");
     }
 }

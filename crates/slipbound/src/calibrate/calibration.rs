@@ -43,4 +43,43 @@ impl Calibration {
         let margin_px = (MARGIN_PITCH * self.sensor.pitch_px).round();
         Vec2::new(margin_px, margin_px)
     }
+
+    /// How far the rows of the grid are turned in the middle of the upright camera image, rad, positive from x to y. The
+    /// rectified image, and with it x and y of every report, follows the rows.
+    pub fn turn_rad(&self) -> f64 {
+        let size = self.sensor.rectified_px();
+        let middle = Vec2::new(size.width as f64, size.height as f64) / 2.0;
+        let step = Vec2::new(self.sensor.pitch_px / 2.0, 0.0);
+        let seen = |p: Vec2| self.sensor.upright_from_rectified(p);
+        (seen(middle + step) - seen(middle - step)).direction_rad()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plane::Homography;
+    use crate::sensor::Rectification;
+    use crate::sensor::tests::smooth;
+
+    #[test]
+    fn a_grid_turned_clockwise_on_the_screen_has_a_positive_turn() {
+        let turn_rad = 20f64.to_radians();
+        // Its rows, which are along x in the plane, run to the right and down in the image.
+        let (sin, cos) = libm::sincos(turn_rad);
+        let homography = Homography([[cos, sin, 9.0], [-sin, cos, 90.0], [0.0, 0.0, 1.0]]);
+        let rectification = Some(Rectification { homography, crop_px: [0, 0, 200, 200], distortion: None });
+        let calibration = |rectification| Calibration {
+            sensor: Sensor { rectification, ..smooth() },
+            markers: Vec::new(),
+            off_grid: Vec::new(),
+            residual_pitch: 0.0,
+            residual_without_distortion_pitch: 0.0,
+            averaged: [0, 0],
+            untouched: true,
+            mean_rgb: Vec::new(),
+        };
+        assert!((calibration(rectification).turn_rad() - turn_rad).abs() < 1e-9);
+        assert_eq!(calibration(None).turn_rad(), 0.0);
+    }
 }

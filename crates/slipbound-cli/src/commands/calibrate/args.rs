@@ -42,7 +42,7 @@ pub struct Calibrate {
     /// Whether markers are dark or bright [default: found]
     #[arg(long, value_enum)]
     pub(super) polarity: Option<PolarityArgument>,
-    /// Use frames A (inclusive) to B (exclusive), all of them untouched [default: those at rest among the first 20]
+    /// Average frames at rest among A (inclusive) to B (exclusive), ten at most [default: among the first 20]
     #[arg(long, value_name = "A..B", value_parser = range)]
     pub(super) frames: Option<Range<u64>>,
     /// Measure the shear stiffness: the mass in grams that hangs on the finger at the end of SOURCE
@@ -149,9 +149,17 @@ impl Calibrate {
         let is = |path: &Path, other: &str| {
             fs::canonicalize(path).is_ok_and(|path| fs::canonicalize(other).is_ok_and(|other| other == path))
         };
-        if let Some(path) = [self.output.clone(), self.picture()].iter().find(|path| is(path, &self.source)) {
-            let path = path.display();
-            return Err(Failure::Arguments(anyhow!("--output: expected a place of its own, got {path}, the source")));
+        let expected = "expected a place of its own";
+        if is(&self.output, &self.source) {
+            let path = self.output.display();
+            return Err(Failure::Arguments(anyhow!("--output: {expected}, got {path}, the source")));
+        }
+        if is(&self.picture(), &self.source) {
+            let (output, picture) = (self.output.display(), self.picture().display().to_string());
+            return Err(Failure::Arguments(anyhow!(
+                "--output {output}: {expected} for the picture of the grid beside it, got {picture}, the source: choose \
+                 another name"
+            )));
         }
         let is_amended = self.weight_g.is_some() && self.sensor.as_deref().is_some_and(|s| is(&self.output, s));
         let file = Some(self.output.clone()).filter(|_| !is_amended);
