@@ -73,7 +73,8 @@ pub struct Demo {
     /// Settings of grip, controllers and tasks that replace the defaults
     #[arg(long, value_name = "FILE.toml")]
     settings: Option<PathBuf>,
-    /// A fault of the cameras: lost, frozen, torn, dark or swapped, optionally with @SECONDS and :left or :right
+    /// A fault of the cameras: lost, frozen, torn or dark, optionally with @SECONDS and :left or :right; or swapped,
+    /// from the start on
     #[arg(long, value_name = "WHAT@SECONDS:FINGER")]
     fault: Option<CameraFault>,
     /// Reach gripper and wrist through a driver and an emulator of its wire protocol, as wsg50 or wsg50?most_n=40

@@ -33,13 +33,13 @@ pub struct Emulate {
     #[arg(long, default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     listen: IpAddr,
     /// Width of the block between the jaws, mm; 0 for none
-    #[arg(long, value_name = "MM", default_value_t = 50.0)]
+    #[arg(long, value_name = "MM", default_value_t = 50.0, allow_negative_numbers = true)]
     width: f64,
     /// Weight of the block, N; once carried, it falls when the grip is too weak
-    #[arg(long, value_name = "NEWTONS", default_value_t = 0.0)]
+    #[arg(long, value_name = "NEWTONS", default_value_t = 0.0, allow_negative_numbers = true)]
     weight: f64,
     /// Friction coefficient of the block, for its weight
-    #[arg(long, value_name = "MU", default_value_t = 0.5)]
+    #[arg(long, value_name = "MU", default_value_t = 0.5, allow_negative_numbers = true)]
     mu: f64,
     /// Log force and motion of the block, one JSON object every 10 ms
     #[arg(long, value_name = "FILE")]

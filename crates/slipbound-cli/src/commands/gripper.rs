@@ -45,10 +45,10 @@ enum Action {
     /// Grip, alternate between two forces, and report whether the grip is kept
     CheckHold {
         /// The lower force, newtons per finger
-        #[arg(long, value_name = "NEWTONS", default_value_t = 20.0)]
+        #[arg(long, value_name = "NEWTONS", default_value_t = 20.0, allow_negative_numbers = true)]
         low: f64,
         /// The higher force, newtons per finger
-        #[arg(long, value_name = "NEWTONS", default_value_t = 30.0)]
+        #[arg(long, value_name = "NEWTONS", default_value_t = 30.0, allow_negative_numbers = true)]
         high: f64,
     },
 }

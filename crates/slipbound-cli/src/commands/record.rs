@@ -40,7 +40,7 @@ pub struct Record {
     #[arg(long, value_name = "NAME|FILE.toml")]
     sensor: Option<String>,
     /// Duration in seconds, of a recording by the times of its frames, which it must have [default: until Ctrl-C or the end of every source]
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     for_s: Option<f64>,
 }
 

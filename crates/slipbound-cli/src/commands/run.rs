@@ -31,7 +31,7 @@ pub struct Hold {
     #[command(flatten)]
     hardware: Hardware,
     /// Seconds to hold, of which those count in which a finger feels the object [default: until Ctrl-C or the end of the source]
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     for_s: Option<f64>,
 }
 

@@ -36,7 +36,7 @@ const LATEST_S: f64 = 3600.0;
 const DARK_LEVEL: u8 = 2;
 
 /// A fault of the cameras: kind, start time, affected finger: `frozen@3`, `lost@2.5:left`. Without a time it begins at
-/// the start, without a side it affects both fingers.
+/// the start, without a side it affects both fingers. Fingers are swapped from the start, and both of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraFault {
     kind: CameraFaultKind,
@@ -63,7 +63,9 @@ impl CameraFault {
 
 /// A text that does not describe a camera fault.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("expected lost, frozen, torn, dark or swapped with @SECONDS and :left or :right as wanted, got `{got}`")]
+#[error(
+    "expected lost, frozen, torn or dark with @SECONDS and :left or :right as wanted, or swapped (from the start on), got `{got}`"
+)]
 pub struct CameraFaultError {
     /// The text given.
     pub got: String,
@@ -84,7 +86,12 @@ impl FromStr for CameraFault {
         let (name, seconds) = rest.split_once('@').unwrap_or((rest, "0"));
         let (kind, _) = NAMES.iter().find(|(_, known)| *known == name).ok_or_else(refused)?;
         let seconds_s: f64 = seconds.parse().ok().filter(|s| (0.0..=LATEST_S).contains(s)).ok_or_else(refused)?;
-        Ok(CameraFault { kind: *kind, from_ns: (seconds_s * 1e9) as u64, finger })
+        let fault = CameraFault { kind: *kind, from_ns: (seconds_s * 1e9) as u64, finger };
+        // A time or a side would be without effect.
+        if fault.swaps_fingers() && (fault.from_ns, fault.finger) != (0, None) {
+            return Err(refused());
+        }
+        Ok(fault)
     }
 }
 

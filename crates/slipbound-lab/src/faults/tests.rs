@@ -126,9 +126,12 @@ fn camera_faults_are_text_and_read_back() {
         assert_eq!([0, 1].map(|n| fault.applies_to(n)), [0, 1].map(|n| finger.is_none_or(|hit| hit == n)), "{text}");
     }
     assert_eq!("swapped".parse::<CameraFault>().expect("from the start").to_string(), "swapped@0");
-    for text in ["fire@2", "lost@-1", "lost@4000", "lost@NaN", "lost@2:middle", "lost@", ""] {
+    for text in
+        ["fire@2", "lost@-1", "lost@4000", "lost@NaN", "lost@2:middle", "lost@", "swapped@3", "swapped:left", ""]
+    {
         let error = text.parse::<CameraFault>().expect_err(text).to_string();
-        let expected = "expected lost, frozen, torn, dark or swapped with @SECONDS and :left or :right as wanted, got";
+        let expected = "expected lost, frozen, torn or dark with @SECONDS and :left or :right as wanted, or swapped \
+                        (from the start on), got";
         assert_eq!(error, format!("{expected} `{text}`"));
     }
 }

@@ -56,6 +56,7 @@ impl Emulator {
         self.answer.clear();
         self.late.clear();
         self.outgoing.clear();
+        self.is_hanging_up = false; // what came before it has closed nothing
         self.firmware.connected(now_ns, &mut self.answer);
     }
 
@@ -145,7 +146,10 @@ impl Emulator {
 
     fn is_stalled(&self) -> bool {
         let since_ns = self.since_ns();
-        self.faults.stalls_ns.iter().any(|(from_ns, for_ns)| (*from_ns..from_ns + for_ns).contains(&since_ns))
+        self.faults
+            .stalls_ns
+            .iter()
+            .any(|(from_ns, for_ns)| (*from_ns..from_ns.saturating_add(*for_ns)).contains(&since_ns))
     }
 
     /// A number from 0 to 1 (xorshift64*).
@@ -185,8 +189,8 @@ impl Emulator {
         self.answers_count += 1;
         let every_count = self.faults.late_every_count;
         let is_late = every_count > 0 && self.answers_count.is_multiple_of(every_count);
-        let late_ns = self.faults.late_ns + if is_late { LATE_NS } else { 0 };
-        self.late.push_back((self.now_ns + late_ns, answer));
+        let late_ns = self.faults.late_ns.saturating_add(if is_late { LATE_NS } else { 0 });
+        self.late.push_back((self.now_ns.saturating_add(late_ns), answer));
     }
 
     fn release(&mut self) {
@@ -195,5 +199,39 @@ impl Emulator {
                 self.outgoing.extend(answer);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::emulator::{Block, by_name};
+
+    const MS: u64 = 1_000_000;
+
+    #[test]
+    fn what_would_have_closed_a_connection_does_not_close_a_later_one() {
+        for faults in ["close@100", "power-cycle@100"] {
+            let mut emulator = by_name("wsg50").expect("known").with_faults(faults.parse().expect("a fault"));
+            let mut block = Block::new(50.0);
+            (0..300).for_each(|ms| emulator.tick(ms * MS, &mut block));
+            emulator.connected(300 * MS);
+            emulator.tick(301 * MS, &mut block);
+            assert!(!emulator.take_hang_up(), "{faults}, 200 ms before the connection");
+        }
+        let mut emulator = by_name("wsg50").expect("known").with_faults("close@100".parse().expect("a fault"));
+        let mut block = Block::new(50.0);
+        emulator.connected(0);
+        (0..=101).for_each(|ms| emulator.tick(ms * MS, &mut block));
+        assert!(emulator.take_hang_up(), "while it is connected");
+    }
+
+    /// The longest that can be written, as late as can be written.
+    #[test]
+    fn a_stall_and_a_delay_without_end_do_not_overflow() {
+        let faults = "stall=18446744073709@18446744073709,late=18446744073709";
+        let mut emulator = by_name("line").expect("known").with_faults(faults.parse().expect("faults"));
+        emulator.connected(0);
+        (0..100).for_each(|ms| emulator.tick(ms * MS, &mut Block::new(50.0)));
+        assert!(emulator.outgoing().is_empty());
     }
 }

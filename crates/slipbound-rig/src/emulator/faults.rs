@@ -92,6 +92,10 @@ impl Faults {
             Some((what, ms)) => (what, from_ns.checked_add(ns(ms)?)?),
             None => (word, from_ns),
         };
+        // What is not an event holds from the start, or from the line that asks for it: a time would be without effect.
+        if word.contains('@') && what.contains('=') && !what.starts_with("stall=") {
+            return None;
+        }
         let fault = match what {
             "fast-stop" => Some(Fault::FastStop),
             "lose-part" => Some(Fault::LosePart),
@@ -168,6 +172,8 @@ mod tests {
             "stall@3",
             "close=3",
             "lose-part@x",
+            "late=20@5000",
+            "bias=3@1000",
         ] {
             let message = word.parse::<Faults>().expect_err(word).to_string();
             assert!(message.contains(&format!("got `{word}`")) && message.contains("stall=MS@MS"), "{message}");

@@ -68,6 +68,9 @@ impl<P: Protocol> Driver<P> {
     /// reported once.
     pub fn state(&mut self, now_ns: u64) -> Result<GripperState, Error> {
         self.state.set_time(now_ns);
+        if self.state.is_linked() {
+            self.protocol.check_version(&self.state)?;
+        }
         let state = self.state.report()?;
         self.check_jaws()?;
         Ok(state)

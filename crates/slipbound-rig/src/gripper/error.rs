@@ -67,6 +67,14 @@ pub enum Error {
         /// Bytes so far.
         bytes_count: usize,
     },
+    /// A message in which the state of the jaws is none that the protocol knows.
+    #[error("{address}: expected jaws to be unknown, open, closing, holding, nothing, lost or stopped, got `{got}`")]
+    Jaws {
+        /// Where.
+        address: String,
+        /// The word.
+        got: String,
+    },
     /// No answer to a command in time.
     #[error("{address}: expected an answer to {command} within {expected_ms} ms, got none")]
     Unanswered {
@@ -184,7 +192,8 @@ impl Error {
             | Error::Lost { .. }
             | Error::Silent { .. }
             | Error::Untold { .. }
-            | Error::Unread { .. } => GripperErrorKind::Link,
+            | Error::Unread { .. }
+            | Error::Jaws { .. } => GripperErrorKind::Link,
             Error::Unanswered { .. } => GripperErrorKind::Unanswered,
             Error::Refused { .. } | Error::Unable { .. } => GripperErrorKind::Refused,
             Error::Force { .. } => GripperErrorKind::Value,

@@ -15,6 +15,10 @@ use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
 /// Difference between an accepted force and the reported one that the steps of a gripper explain, N per finger.
 const STEP_N: f64 = 0.5;
 
+/// What a GRIPPER line may say of the jaws, by their names.
+const JAWS: [Jaws; 7] =
+    [Jaws::Unknown, Jaws::Open, Jaws::Closing, Jaws::Holding, Jaws::Nothing, Jaws::Lost, Jaws::Stopped];
+
 /// Whether the steps of a gripper explain the difference between these forces, N per finger.
 fn is_same(one_n: f64, other_n: f64) -> bool {
     (one_n - other_n).abs() <= STEP_N
@@ -65,12 +69,11 @@ impl LineGripper {
                     driver.heard();
                 }
                 self.other_version = Some(version).filter(|version| *version != VERSION);
-                self.check_version(driver);
             }
             Answer::Wrist(_) => {}
             Answer::Gripper(rest) => {
                 driver.heard(); // nothing else tells that the state is new
-                if self.check_version(driver) {
+                if self.other_version.is_none() {
                     self.take_state(driver, rest);
                 }
             }
@@ -86,14 +89,6 @@ impl LineGripper {
                 }
             }
         }
-    }
-
-    /// Whether the other side speaks our version; if not, that is a fault each time.
-    fn check_version(&self, driver: &mut DriverState) -> bool {
-        if let Some(version) = self.other_version {
-            driver.raise_refused("HELLO", format!("version {version}, expected {VERSION}"));
-        }
-        self.other_version.is_none()
     }
 
     fn take_in_flight(&mut self, number: u64) -> Option<Command> {
@@ -144,15 +139,9 @@ impl LineGripper {
     }
 
     fn take_state(&mut self, driver: &mut DriverState, rest: &str) {
-        let jaws = match rest.split_whitespace().skip_while(|word| *word != "jaws").nth(1) {
-            Some("open") => Jaws::Open,
-            Some("closing") => Jaws::Closing,
-            Some("holding") => Jaws::Holding,
-            Some("nothing") => Jaws::Nothing,
-            Some("lost") => Jaws::Lost,
-            Some("stopped") => Jaws::Stopped,
-            _ => Jaws::Unknown,
-        };
+        let word = rest.split_whitespace().skip_while(|word| *word != "jaws").nth(1).unwrap_or(Jaws::Unknown.name());
+        let known = JAWS.into_iter().find(|jaws| jaws.name() == word);
+        let jaws = known.unwrap_or(Jaws::Unknown);
         if jaws == Jaws::Stopped && driver.gripper.jaws != Jaws::Stopped {
             driver.push_event(DriverEvent::FastStop { why: "the other side says so".into() });
             (self.goal, self.done) = (Goal::Keep, Goal::Keep);
@@ -163,8 +152,11 @@ impl LineGripper {
         driver.gripper.jaws = jaws;
         driver.gripper.force_n = measured_n;
         self.take_target(driver, target_n);
-        driver.gripper.opening_mm = number_of(rest, "opening_mm");
-        self.is_stated = true;
+        driver.gripper.opening_mm = number_of(rest, "opening_mm").filter(|mm| (-10.0..=1000.0).contains(mm));
+        self.is_stated |= known.is_some();
+        if known.is_none() {
+            driver.raise_fault(Error::Jaws { address: driver.address(), got: word.into() });
+        }
     }
 
     fn is_on_the_way(&self) -> bool {
@@ -246,6 +238,12 @@ impl Protocol for LineGripper {
 
     fn force_on_its_way(&self, _driver: &DriverState) -> Option<f64> {
         self.in_flight.as_ref().and_then(|sent| sent.message.goal.force_n())
+    }
+
+    fn check_version(&self, driver: &DriverState) -> Result<(), Error> {
+        let Some(version) = self.other_version else { return Ok(()) };
+        let got = format!("version {version}, expected {VERSION}");
+        Err(Error::Refused { address: driver.address(), command: "HELLO", got })
     }
 
     fn is_busy(&self, driver: &DriverState) -> bool {

@@ -51,6 +51,11 @@ pub trait Protocol: Send {
         None
     }
 
+    /// Fails where nothing that comes through the link can be understood, whatever else is wrong with it.
+    fn check_version(&self, _driver: &DriverState) -> Result<(), Error> {
+        Ok(())
+    }
+
     /// Whether a request is still in progress, or the first state is still awaited.
     fn is_busy(&self, driver: &DriverState) -> bool;
 
@@ -108,6 +113,10 @@ impl<P: Protocol + ?Sized> Protocol for Box<P> {
 
     fn jaws_untold_since_ns(&self, driver: &DriverState) -> Option<u64> {
         (**self).jaws_untold_since_ns(driver)
+    }
+
+    fn check_version(&self, driver: &DriverState) -> Result<(), Error> {
+        (**self).check_version(driver)
     }
 
     fn is_busy(&self, driver: &DriverState) -> bool {

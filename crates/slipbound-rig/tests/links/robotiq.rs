@@ -114,7 +114,9 @@ fn home_after_a_fault_clears_what_the_jaws_were_told() {
         bench.request(Request::Home).expect("taken over");
         bench.until(3000, |state| state.jaws == Jaws::Open);
         bench.run(2000);
-        assert_eq!((bench.state().expect("there").jaws, bench.plant.force_n), (Jaws::Open, 0.0), "{name}");
+        let state = bench.state().expect("there");
+        assert_eq!((state.jaws, bench.plant.force_n), (Jaws::Open, 0.0), "{name}");
+        assert_eq!(state.target_n, Some(20.0), "{name}: homing sends the force number 0");
     }
 }
 

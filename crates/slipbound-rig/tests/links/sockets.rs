@@ -236,6 +236,16 @@ fn who_speaks_another_version_or_does_not_say_where_its_wrist_is_is_not_opened()
             assert!(message.contains("expected HELLO to be done, got version 2, expected 1"), "{message}");
         });
         scope.spawn(|| {
+            // Its state may be told in other lines.
+            let message = gripper("HELLO slipbound-line 2\nJAWS open\n");
+            assert!(message.contains("expected HELLO to be done, got version 2, expected 1"), "{message}");
+        });
+        scope.spawn(|| {
+            let message = gripper("HELLO slipbound-line 1\nGRIPPER jaws gripped force_n 10\n");
+            assert!(message.contains("expected jaws to be unknown, open,"), "{message}");
+            assert!(message.contains("got `gripped`"), "{message}");
+        });
+        scope.spawn(|| {
             let message = wrist(other);
             assert!(message.contains("expected version 1 of the line protocol, got 2"), "{message}");
         });

@@ -88,8 +88,9 @@ impl Fault {
     }
 
     pub(super) fn jaws_unknown() -> Self {
-        let text = "gripper: expected jaws that know where they are, got jaws unknown: not heard of yet, or switched \
-                    off and on (then take the object out and home it)";
+        let text = "gripper: expected jaws that know where they are, got jaws unknown: not heard of yet, switched off \
+                    and on (then take the object out and home it), or stopped by contact where none was expected (then \
+                    release it)";
         Fault { kind: FaultKind::JawsUnknown, text: text.into() }
     }
 

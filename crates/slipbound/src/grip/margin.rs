@@ -78,7 +78,8 @@ const FRICTION: (f64, f64) = (0.3, 0.9);
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct MarginSettings {
-    /// Shear stiffness of the gel, MPa/mm; 0 takes that of the sensor file.
+    /// Above 0, a finger whose sensor file states no shear stiffness is not refused, MPa/mm. The value itself is not used:
+    /// the margin is the monitor's, by the stiffness in the sensor file, and without one from images alone.
     pub stiffness_mpa_per_mm: f64,
     /// Target used fraction for a friction coefficient of 0.9 or more, 0 to 1.
     pub target_fraction: f64,
@@ -127,7 +128,7 @@ impl Default for MarginSettings {
 }
 
 impl MarginSettings {
-    /// The same for a gel of this stiffness against shear, MPa/mm.
+    /// The same for a finger whose sensor file states no shear stiffness, MPa/mm above 0.
     #[must_use]
     pub const fn with_stiffness_mpa_per_mm(self, stiffness_mpa_per_mm: f64) -> Self {
         MarginSettings { stiffness_mpa_per_mm, ..self }

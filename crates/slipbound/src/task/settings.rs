@@ -106,9 +106,15 @@ impl TaskSettings {
         self.lift.check()
     }
 
-    /// Whether a finger measures what a task needs: turning a cap and feeling the ground need the shear of the gel in
-    /// mm. The error names what is missing. With the literal law of the paper screwing ends on slip alone.
+    /// Whether a finger measures what a task and its controller need: turning a cap and feeling the ground need the shear
+    /// of the gel in mm, `margin` its stiffness. The error names what is missing. With the literal law of the paper
+    /// screwing ends on slip alone.
     pub fn check_finger(&self, kind: TaskKind, sensor: &Sensor) -> Result<(), SettingError> {
+        if self.controller == ControllerKind::Margin {
+            let got = || format!("0, and no [shear] in the sensor file of {}", sensor.name);
+            let of_finger = self.margin.for_finger(sensor.shear_stiffness_mpa_per_mm());
+            of_finger.map_err(|error| SettingError { got: got(), ..error })?;
+        }
         let ends_on_slip = self.controller == ControllerKind::Paper || self.screw.end == ScrewEnd::SlipAtMost;
         let goes_by_shear = match kind {
             TaskKind::Lift => false,

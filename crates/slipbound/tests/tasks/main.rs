@@ -8,7 +8,7 @@ mod synthetic;
 
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripperState, Jaws, WristMotion, WristState};
-use slipbound::sensor::Sensor;
+use slipbound::sensor::{Sensor, Shear};
 use slipbound::task::{ControllerKind, Ending, Missing, Observation, Phase, TaskKind, TaskSettings};
 use synthetic::{FRAME_NS, gripper, hand};
 
@@ -147,4 +147,10 @@ fn a_task_that_goes_by_shear_wants_a_finger_that_tells_it_in_mm() {
     settings.with_controller(ControllerKind::Paper).check_finger(TaskKind::Screw, &sensor).expect("by slip");
     sensor.pitch_mm = Some(1.5);
     settings.check_finger(TaskKind::Place, &sensor).expect("it tells mm");
+    // `margin` wants the stiffness of every finger, not only of the first.
+    let margin = settings.with_controller(ControllerKind::Margin);
+    let error = margin.check_finger(TaskKind::Lift, &sensor).expect_err("no [shear]").to_string();
+    assert!(error.contains("margin.stiffness_mpa_per_mm") && error.contains("file of bare"), "{error}");
+    sensor.shear = Some(Shear { stiffness_n_per_pitch: 0.2, provenance: "measured".into() });
+    margin.check_finger(TaskKind::Lift, &sensor).expect("its stiffness is known");
 }

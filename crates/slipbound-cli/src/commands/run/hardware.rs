@@ -78,7 +78,7 @@ pub struct Hardware {
     #[arg(long, value_name = "live:N|FILE", value_parser = HandRest::parse)]
     rest: Vec<HandRest>,
     /// Frames per second at which recordings are played
-    #[arg(long, value_name = "HZ", default_value_t = 30.0)]
+    #[arg(long, value_name = "HZ", default_value_t = 30.0, allow_negative_numbers = true)]
     rate_hz: f64,
     /// Keep every frame in the folder of the run, for `slipbound replay`; with =FILE.mcap instead in one file with
     /// every frame, judged or not, reports and cycles

@@ -25,6 +25,9 @@ pub(super) enum Goal {
 /// Number of the force with which they open.
 const OPENING_FORCE: u8 = 0;
 
+/// Number of the force that is sent with both halves of homing.
+const HOMING_FORCE: u8 = 0;
+
 /// Target of the jaws: position and force as the gripper's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Target {
@@ -116,7 +119,10 @@ impl Actuator {
         match goal {
             Goal::Hold { force_n } => driver.settle_target(Some(driver.config.settable_n(force_n))),
             Goal::Open { .. } => driver.settle_target(driver.config.force_of_count(OPENING_FORCE)),
-            Goal::Deactivate => self.has_accepted_deactivation = true,
+            Goal::Deactivate => {
+                self.has_accepted_deactivation = true;
+                driver.settle_target(driver.config.force_of_count(HOMING_FORCE));
+            }
             Goal::Activate if self.goal == goal => self.goal = Goal::Keep,
             _ => {}
         }
