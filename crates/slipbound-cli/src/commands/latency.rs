@@ -93,7 +93,8 @@ impl Latency {
         let interrupted = interruption::listen()?;
         let mut terminal = Terminal::plain();
         let (frames, rate_hz, fingers) = (self.frames, self.rate_hz, self.fingers);
-        terminal.say(&format!("{frames} frames of each of {fingers} fingers at {rate_hz} Hz, a command after each"))?;
+        let of = if fingers == 1 { "one finger".to_owned() } else { format!("each of {fingers} fingers") };
+        terminal.say(&format!("{frames} frames of {of} at {rate_hz} Hz, a command after each"))?;
         terminal.say("| from | to | p50 ms | p99 ms | p99.9 ms | worst ms | confirmed before the next frame |")?;
         terminal.say("|---|---|---|---|---|---|---|")?;
         // A blocked camera delivers no frame to measure from.

@@ -18,6 +18,7 @@ use zune_core::bytestream::ZCursor;
 use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
+use zune_jpeg::errors::DecodeErrors;
 
 /// Any side a header can state: the number of pixels is limited, before anything is decoded.
 const MOST_SIDE_PX: usize = u16::MAX as usize;
@@ -31,7 +32,7 @@ pub(super) fn is_jpeg(bytes: &[u8]) -> bool {
 pub(super) fn decode(bytes: &[u8], into: &mut FrameBuffer) -> Result<(), String> {
     let layout = layout(bytes)?;
     let bytes = prepared(bytes, &layout);
-    let text = |e: zune_jpeg::errors::DecodeErrors| format!("JPEG: {e:?}");
+    let text = |e: DecodeErrors| format!("JPEG: {}", in_words(&e));
     let options =
         DecoderOptions::default().set_strict_mode(true).set_max_width(MOST_SIDE_PX).set_max_height(MOST_SIDE_PX);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes.as_slice()), options);
@@ -44,10 +45,16 @@ pub(super) fn decode(bytes: &[u8], into: &mut FrameBuffer) -> Result<(), String>
     let info = decoder.info().ok_or("JPEG: no header")?;
     let size = checked_size(usize::from(info.width), usize::from(info.height)).map_err(|why| format!("JPEG: {why}"))?;
     into.pixels.resize(size.area() * format.bytes_per_pixel(), 0);
-    decoder.decode_into(&mut into.pixels).map_err(text)?;
+    let damaged = |e: DecodeErrors| format!("JPEG: damaged, or a piece is missing ({})", in_words(&e));
+    decoder.decode_into(&mut into.pixels).map_err(damaged)?;
     into.format = format;
     into.size = size;
     Ok(())
+}
+
+/// The decoder's reason, without the quotes that it puts round some.
+fn in_words(e: &DecodeErrors) -> String {
+    format!("{e:?}").trim_matches('"').to_owned()
 }
 
 /// One bits in front of the end marker, with the zero bytes that have to follow a byte of ones: more than a decoder
