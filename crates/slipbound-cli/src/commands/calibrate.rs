@@ -13,7 +13,7 @@ use slipbound::image::Frame;
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
 use slipbound::sensor::{Polarity, Sensor, Skin};
 use slipbound_rig::calibration::{self, HangingMass, HangingMassError, MeasuredShear, ShearFileError};
-use slipbound_rig::report_summary::{frame_name, torn};
+use slipbound_rig::report_summary::{of_other_size, torn};
 use slipbound_rig::sensors;
 use slipbound_rig::source::{ReadAhead, most_common_size};
 use std::fs;
@@ -81,13 +81,8 @@ impl Calibrate {
         let size = most_common_size(&buffers);
         let (same, other): (Vec<&FrameBuffer>, Vec<&FrameBuffer>) = buffers.iter().partition(|b| Some(b.size) == size);
         self.note_torn(&terminal, torn.count, torn.first.as_deref());
-        if let (Some(size), Some(first)) = (size, other.first()) {
-            let (count, first_name, got) = (frames_in_words(other.len()), frame_name(first), first.size);
-            terminal.note(&format!(
-                "{}: {count} of another size passed over; the first is {first_name}: expected {size}, got {got}",
-                self.source
-            ));
-        }
+        let first_other = size.zip(other.first()).map(|(size, first)| of_other_size(first, size));
+        self.note_other_size(&terminal, other.len(), first_other.as_deref());
         let frames: Result<Vec<Frame<'_>>, _> = same.iter().map(|b| b.frame()).collect();
         let frames = frames.map_err(|e| Failure::work(&self.source, e))?;
         let known = self.known();
@@ -126,6 +121,13 @@ impl Calibrate {
         let Some(first) = first else { return };
         let all = if count > 1 { format!("; {count} are torn in all") } else { String::new() };
         terminal.note(&format!("{}: {first}{all}", self.source));
+    }
+
+    /// Tells of the frames of another size.
+    fn note_other_size(&self, terminal: &Terminal, count: usize, first: Option<&str>) {
+        let Some(first) = first else { return };
+        let count = frames_in_words(count);
+        terminal.note(&format!("{}: {count} of another size passed over; the first is {first}", self.source));
     }
 
     fn print(&self, terminal: &mut Terminal, found: &Calibration, [from, to]: [u64; 2]) -> Result<(), Failure> {
@@ -204,7 +206,7 @@ impl Calibrate {
             HangingMassError::Frame(e) => Failure::work(&self.source, e),
             other => Failure::Arguments(anyhow!("{}: {other}", self.source)),
         });
-        let MeasuredShear { shear, torn_count, first_torn } = measured?;
+        let MeasuredShear { shear, torn_count, first_torn, other_size_count, first_of_other_size } = measured?;
         let text = calibration::sensor_file_with_shear(name, &self.output, &shear).map_err(|e| match e {
             ShearFileError::Folder { .. } => Failure::Arguments(anyhow!("--output: {e}")),
             ShearFileError::Read { .. } => Failure::Work(e.into()),
@@ -212,10 +214,11 @@ impl Calibrate {
         self.write_output(&text?)?;
         let mut terminal = Terminal::plain();
         self.note_torn(&terminal, torn_count, first_torn.as_deref());
+        self.note_other_size(&terminal, other_size_count, first_of_other_size.as_deref());
         terminal.say(&format!("{}: {}", self.source, shear.provenance))?;
         terminal.say(&format!("stiffness {:.4} N per marker and pitch", shear.stiffness_n_per_pitch))?;
         terminal.say(&format!("written: {}", self.output.display()))?;
-        Ok(if torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
+        Ok(if torn_count + other_size_count > 0 { Outcome::DataLost } else { Outcome::Done })
     }
 
     /// The whole frames to calibrate from, and the torn ones.
