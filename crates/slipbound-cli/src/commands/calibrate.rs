@@ -11,7 +11,7 @@ use anyhow::anyhow;
 use slipbound::calibrate::{Calibration, FRAMES_MOST, calibrate};
 use slipbound::image::Frame;
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
-use slipbound::sensor::{Polarity, Sensor, Skin};
+use slipbound::sensor::{Flip, Polarity, Sensor, Skin};
 use slipbound_rig::calibration::{self, HangingMass, HangingMassError, MeasuredShear, ShearFileError};
 use slipbound_rig::report_summary::{of_other_size, torn};
 use slipbound_rig::sensors;
@@ -52,13 +52,18 @@ fn frames_in_words(count: usize) -> String {
 /// Least turn of the grid that is told of, deg: a grid that is printed straight is seen within it.
 const TURN_DEG: f64 = 5.0;
 
-/// What to tell of a grid that is turned in the image; x and y of the reports turn with it.
-fn turn_in_words(turn_rad: f64) -> Option<String> {
+/// What to tell of a grid that is turned in the image; x and y of the reports turn with it. In a mirrored image, which is
+/// the one that the user sees, it is turned the other way.
+fn turn_in_words(turn_rad: f64, flip: Flip) -> Option<String> {
     let deg = turn_rad.to_degrees();
     (deg.abs() >= TURN_DEG).then(|| {
         let sense = if deg > 0.0 { "clockwise" } else { "counter-clockwise" };
+        let image = match flip.is_horizontal() != flip.is_vertical() {
+            true => "the image once it is mirrored back",
+            false => "the image",
+        };
         format!(
-            "the grid is turned by {:.0} deg {sense} in the image: x and y of the reports follow its rows and columns",
+            "the grid is turned by {:.0} deg {sense} in {image}: x and y of the reports follow its rows and columns",
             deg.abs()
         )
     })
@@ -163,7 +168,7 @@ impl Calibrate {
                 count => format!("{count} dots lie off the grid and are not used: red in the picture"),
             })?;
         }
-        if let Some(line) = turn_in_words(found.turn_rad()) {
+        if let Some(line) = turn_in_words(found.turn_rad(), sensor.flip) {
             terminal.say(&line)?;
         }
         let flip = sensor.flip;
@@ -280,9 +285,17 @@ mod tests {
 
     #[test]
     fn a_turned_grid_is_told_of_with_its_sense() {
-        let told = |deg: f64| turn_in_words(deg.to_radians());
+        let told = |deg: f64| turn_in_words(deg.to_radians(), Flip::None);
         assert!(told(20.3).is_some_and(|line| line.contains("turned by 20 deg clockwise in the image")));
         assert!(told(-12.0).is_some_and(|line| line.contains("turned by 12 deg counter-clockwise in the image")));
         assert_eq!((told(4.9), told(-4.9)), (None, None));
+        // The picture with the grid shows the camera's image, in which a grid mirrored once is turned the other way.
+        for (flip, image) in [
+            (Flip::Vertical, "clockwise in the image once it is mirrored back"),
+            (Flip::Horizontal, "clockwise in the image once it is mirrored back"),
+            (Flip::Both, "clockwise in the image:"),
+        ] {
+            assert!(turn_in_words(0.3, flip).is_some_and(|line| line.contains(image)), "{flip:?}");
+        }
     }
 }
