@@ -11,18 +11,23 @@ use std::time::Duration;
 
 /// Writes the error and its causes to standard error, each once; returns the exit code.
 pub fn complain(e: &anyhow::Error, code: u8) -> u8 {
+    let line = format!("slipbound: {}", printable(&in_words(e)));
+    // A closed standard error is not a failure, and a blocked one does not prevent the end.
+    let _ = within(LONGEST, move || writeln!(io::stderr(), "{line}"));
+    code
+}
+
+/// The error and its causes, each once: most of our errors contain their cause.
+pub fn in_words(e: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in e.chain().map(ToString::to_string) {
         if text.is_empty() {
             text = cause;
         } else if !text.contains(&cause) {
-            text = format!("{text}: {cause}"); // most of our errors contain their cause
+            text = format!("{text}: {cause}");
         }
     }
-    let line = format!("slipbound: {}", printable(&text));
-    // A closed standard error is not a failure, and a blocked one does not prevent the end.
-    let _ = within(LONGEST, move || writeln!(io::stderr(), "{line}"));
-    code
+    text
 }
 
 /// Longest wait for standard error to take the last message.
@@ -163,6 +168,16 @@ impl Terminal {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slipbound_rig::avi_writer;
+
+    #[test]
+    fn a_cause_that_the_error_contains_is_not_told_again() {
+        let source = io::Error::from(ErrorKind::StorageFull);
+        let cause = source.to_string();
+        let full = anyhow::Error::new(avi_writer::Error::Write { path: "drawn.avi".into(), source });
+        assert_eq!(in_words(&full), format!("drawn.avi: cannot write: {cause}"));
+        assert_eq!(in_words(&full.context("clip")), format!("clip: drawn.avi: cannot write: {cause}"));
+    }
 
     #[test]
     fn control_characters_are_written_out_and_everything_else_stays() {

@@ -280,6 +280,19 @@ fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_ref
         assert!(done.status.code() == Some(2) && message.contains(said), "{message}");
         assert!(message.contains("duck: markers expected on a grid of "), "{message}");
     }
+    // A frame of another size is left out like a torn one, and told of.
+    let frame = |i: usize| folder.path().join(format!("duck/frame_{i:06}.jpg"));
+    let whole = std::fs::read(frame(55)).expect("there");
+    let encoder = jpeg_encoder::Encoder::new_file(frame(55), 90).expect("writes");
+    encoder.encode(&[128; 32 * 32], 32, 32, jpeg_encoder::ColorType::Luma).expect("writes");
+    let done = slipbound_in(folder.path(), &words("duck", "duck/sensor.toml"));
+    let message = String::from_utf8_lossy(&done.stderr);
+    assert_eq!(done.status.code(), Some(3), "{message}");
+    let expected = "duck: 1 frame of another size passed over; the first is frame 55 (frame_000055.jpg): expected ";
+    assert!(message.contains(expected) && message.contains(", got 32x32"), "{message}");
+    std::fs::write(frame(55), whole).expect("writes");
+    std::fs::remove_file(&path).expect("written");
+
     // An older measurement in the finger's own file is replaced, however its header is written.
     let own = folder.path().join("own.toml");
     let text = std::fs::read_to_string(folder.path().join("duck/sensor.toml")).expect("a finger");

@@ -1,6 +1,7 @@
 //! Reports in words: when slip began and ended, which frames were torn, and totals at the end.
 
 use slipbound::events::SlipEvent;
+use slipbound::image::SizePx;
 use slipbound::monitor::{Reason, SlipKind, SlipReport, SlipState};
 use slipbound::port::FrameBuffer;
 
@@ -131,6 +132,11 @@ pub(crate) fn whole_degrees(rad: f64) -> f64 {
 /// A torn frame and why, in words.
 pub fn torn(frame: &FrameBuffer, reason: &str) -> String {
     format!("{} is torn: {reason}", frame_name(frame))
+}
+
+/// A frame of another size than the others, in words.
+pub fn of_other_size(frame: &FrameBuffer, expected: SizePx) -> String {
+    format!("{}: expected {expected}, got {}", frame_name(frame), frame.size)
 }
 
 /// Number and, where it has one, label of a frame.

@@ -11,9 +11,9 @@ use anyhow::anyhow;
 use slipbound::calibrate::{Calibration, FRAMES_MOST, calibrate};
 use slipbound::image::Frame;
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
-use slipbound::sensor::{Polarity, Sensor, Skin};
+use slipbound::sensor::{Flip, Polarity, Sensor, Skin};
 use slipbound_rig::calibration::{self, HangingMass, HangingMassError, MeasuredShear, ShearFileError};
-use slipbound_rig::report_summary::{frame_name, torn};
+use slipbound_rig::report_summary::{of_other_size, torn};
 use slipbound_rig::sensors;
 use slipbound_rig::source::{ReadAhead, most_common_size};
 use std::fs;
@@ -52,13 +52,18 @@ fn frames_in_words(count: usize) -> String {
 /// Least turn of the grid that is told of, deg: a grid that is printed straight is seen within it.
 const TURN_DEG: f64 = 5.0;
 
-/// What to tell of a grid that is turned in the image; x and y of the reports turn with it.
-fn turn_in_words(turn_rad: f64) -> Option<String> {
+/// What to tell of a grid that is turned in the image; x and y of the reports turn with it. In a mirrored image, which is
+/// the one that the user sees, it is turned the other way.
+fn turn_in_words(turn_rad: f64, flip: Flip) -> Option<String> {
     let deg = turn_rad.to_degrees();
     (deg.abs() >= TURN_DEG).then(|| {
         let sense = if deg > 0.0 { "clockwise" } else { "counter-clockwise" };
+        let image = match flip.is_horizontal() != flip.is_vertical() {
+            true => "the image once it is mirrored back",
+            false => "the image",
+        };
         format!(
-            "the grid is turned by {:.0} deg {sense} in the image: x and y of the reports follow its rows and columns",
+            "the grid is turned by {:.0} deg {sense} in {image}: x and y of the reports follow its rows and columns",
             deg.abs()
         )
     })
@@ -81,13 +86,8 @@ impl Calibrate {
         let size = most_common_size(&buffers);
         let (same, other): (Vec<&FrameBuffer>, Vec<&FrameBuffer>) = buffers.iter().partition(|b| Some(b.size) == size);
         self.note_torn(&terminal, torn.count, torn.first.as_deref());
-        if let (Some(size), Some(first)) = (size, other.first()) {
-            let (count, first_name, got) = (frames_in_words(other.len()), frame_name(first), first.size);
-            terminal.note(&format!(
-                "{}: {count} of another size passed over; the first is {first_name}: expected {size}, got {got}",
-                self.source
-            ));
-        }
+        let first_other = size.zip(other.first()).map(|(size, first)| of_other_size(first, size));
+        self.note_other_size(&terminal, other.len(), first_other.as_deref());
         let frames: Result<Vec<Frame<'_>>, _> = same.iter().map(|b| b.frame()).collect();
         let frames = frames.map_err(|e| Failure::work(&self.source, e))?;
         let known = self.known();
@@ -128,6 +128,13 @@ impl Calibrate {
         terminal.note(&format!("{}: {first}{all}", self.source));
     }
 
+    /// Tells of the frames of another size.
+    fn note_other_size(&self, terminal: &Terminal, count: usize, first: Option<&str>) {
+        let Some(first) = first else { return };
+        let count = frames_in_words(count);
+        terminal.note(&format!("{}: {count} of another size passed over; the first is {first}", self.source));
+    }
+
     fn print(&self, terminal: &mut Terminal, found: &Calibration, [from, to]: [u64; 2]) -> Result<(), Failure> {
         let sensor = &found.sensor;
         let lines = |axis: usize| {
@@ -161,7 +168,7 @@ impl Calibrate {
                 count => format!("{count} dots lie off the grid and are not used: red in the picture"),
             })?;
         }
-        if let Some(line) = turn_in_words(found.turn_rad()) {
+        if let Some(line) = turn_in_words(found.turn_rad(), sensor.flip) {
             terminal.say(&line)?;
         }
         let flip = sensor.flip;
@@ -204,7 +211,7 @@ impl Calibrate {
             HangingMassError::Frame(e) => Failure::work(&self.source, e),
             other => Failure::Arguments(anyhow!("{}: {other}", self.source)),
         });
-        let MeasuredShear { shear, torn_count, first_torn } = measured?;
+        let MeasuredShear { shear, torn_count, first_torn, other_size_count, first_of_other_size } = measured?;
         let text = calibration::sensor_file_with_shear(name, &self.output, &shear).map_err(|e| match e {
             ShearFileError::Folder { .. } => Failure::Arguments(anyhow!("--output: {e}")),
             ShearFileError::Read { .. } => Failure::Work(e.into()),
@@ -212,10 +219,11 @@ impl Calibrate {
         self.write_output(&text?)?;
         let mut terminal = Terminal::plain();
         self.note_torn(&terminal, torn_count, first_torn.as_deref());
+        self.note_other_size(&terminal, other_size_count, first_of_other_size.as_deref());
         terminal.say(&format!("{}: {}", self.source, shear.provenance))?;
         terminal.say(&format!("stiffness {:.4} N per marker and pitch", shear.stiffness_n_per_pitch))?;
         terminal.say(&format!("written: {}", self.output.display()))?;
-        Ok(if torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
+        Ok(if torn_count + other_size_count > 0 { Outcome::DataLost } else { Outcome::Done })
     }
 
     /// The whole frames to calibrate from, and the torn ones.
@@ -277,9 +285,17 @@ mod tests {
 
     #[test]
     fn a_turned_grid_is_told_of_with_its_sense() {
-        let told = |deg: f64| turn_in_words(deg.to_radians());
+        let told = |deg: f64| turn_in_words(deg.to_radians(), Flip::None);
         assert!(told(20.3).is_some_and(|line| line.contains("turned by 20 deg clockwise in the image")));
         assert!(told(-12.0).is_some_and(|line| line.contains("turned by 12 deg counter-clockwise in the image")));
         assert_eq!((told(4.9), told(-4.9)), (None, None));
+        // The picture with the grid shows the camera's image, in which a grid mirrored once is turned the other way.
+        for (flip, image) in [
+            (Flip::Vertical, "clockwise in the image once it is mirrored back"),
+            (Flip::Horizontal, "clockwise in the image once it is mirrored back"),
+            (Flip::Both, "clockwise in the image:"),
+        ] {
+            assert!(turn_in_words(0.3, flip).is_some_and(|line| line.contains(image)), "{flip:?}");
+        }
     }
 }

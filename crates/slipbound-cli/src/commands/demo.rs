@@ -10,6 +10,7 @@ use crate::loopback::Loopback;
 use crate::outcome::{Failure, Outcome};
 use crate::run_output::{RunOutput, RunScorer};
 use crate::set_option;
+use crate::terminal;
 use anyhow::anyhow;
 use slipbound::control::{CycleObserver, CycleView};
 use slipbound::monitor::Settings;
@@ -155,7 +156,7 @@ impl Demo {
         let has_begun = reached.phase.is_some_and(|phase| phase != Phase::Grasping);
         output.end_cycles();
         if let Err(e) = &ran {
-            output.note(now_ns, &format!("{e:#}"));
+            output.note(now_ns, &terminal::in_words(e));
         }
         let (seconds, took_s) = (now_ns as f64 * 1e-9, began.elapsed().as_secs_f64());
         run_recording::finish(recorder, &mut output);

@@ -6,7 +6,7 @@ mod finger;
 use super::recording;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
-use crate::terminal::Terminal;
+use crate::terminal::{self, Terminal};
 use anyhow::anyhow;
 use finding::{Finding, bad, good, judged, unknown};
 use slipbound::monitor::Settings;
@@ -100,7 +100,7 @@ impl Doctor {
             Err(refused @ Failure::Arguments(_)) if !source::is_live(&self.source) => return Err(refused),
             Err(Failure::Work(e) | Failure::Arguments(e)) => {
                 let advice = "plug it in and look at `slipbound devices`; of a stream, open its address in a browser";
-                return Ok(Err(bad("camera", format!("{e:#}"), advice)));
+                return Ok(Err(bad("camera", terminal::in_words(&e), advice)));
             }
             Err(other) => return Err(other),
         };

@@ -198,8 +198,8 @@ impl Watch {
         }
         let drawn = outputs.finish_overlay();
         let overlay_is_whole = outputs.overlay_is_whole();
-        let closed = outputs.close(&summary).and(drawn);
-        closed.iter().flatten().for_each(|note| terminal.note(note));
+        drawn.iter().flatten().for_each(|note| terminal.note(note)); // whatever else fails
+        let closed = outputs.close(&summary).and(drawn.map(drop));
         let lines = if batch.is_some() { Vec::new() } else { summary.lines() };
         for line in lines {
             terminal.say(&line)?;

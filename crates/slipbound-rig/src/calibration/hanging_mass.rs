@@ -1,7 +1,7 @@
 //! Shear stiffness from a recording that begins untouched, then holds a mass that stands, and ends with the mass
 //! hanging.
 
-use crate::report_summary::torn;
+use crate::report_summary::{of_other_size, torn};
 use crate::source::{ReadAhead, most_common_size};
 use slipbound::calibrate::{
     HangingFrame, ShearError, outermost, shear_stiffness, stationary_end, stationary_held, steadied,
@@ -45,6 +45,10 @@ pub struct MeasuredShear {
     pub torn_count: usize,
     /// Which was the first of them, and why.
     pub first_torn: Option<String>,
+    /// Frames of another size than those of the start, which were left out.
+    pub other_size_count: usize,
+    /// Which was the first of them, and its size.
+    pub first_of_other_size: Option<String>,
 }
 
 /// Why a recording gives no shear stiffness.
@@ -97,6 +101,7 @@ impl HangingMass {
         let mut monitor = monitor_from_start(source, sensor)?;
         let outermost = outermost(monitor.sensor(), monitor.markers());
         let (mut reports, mut markers, mut torn_count, mut first_torn) = (Vec::new(), Vec::new(), 0, None);
+        let (size, mut other_size_count, mut first_of_other_size) = (monitor.sensor().image_px, 0, None);
         let mut buffer = FrameBuffer::default();
         loop {
             match source.next(&mut buffer).map_err(HangingMassError::Source)? {
@@ -105,6 +110,10 @@ impl HangingMass {
                 Next::Torn { reason } => {
                     torn_count += 1;
                     first_torn.get_or_insert_with(|| torn(&buffer, &reason));
+                }
+                Next::Frame if buffer.size != size => {
+                    other_size_count += 1;
+                    first_of_other_size.get_or_insert_with(|| of_other_size(&buffer, size));
                 }
                 Next::Frame => {
                     reports.push(monitor.step(&buffer.frame()?, None));
@@ -125,7 +134,7 @@ impl HangingMass {
         if !(expected_n_per_pitch[0]..=expected_n_per_pitch[1]).contains(&got) {
             return Err(HangingMassError::Implausible { mass_g, expected_n_per_pitch, got });
         }
-        Ok(MeasuredShear { shear, torn_count, first_torn })
+        Ok(MeasuredShear { shear, torn_count, first_torn, other_size_count, first_of_other_size })
     }
 }
 

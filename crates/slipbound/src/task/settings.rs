@@ -111,7 +111,9 @@ impl TaskSettings {
     /// screwing ends on slip alone.
     pub fn check_finger(&self, kind: TaskKind, sensor: &Sensor) -> Result<(), SettingError> {
         if self.controller == ControllerKind::Margin {
-            let got = || format!("0, and no [shear] in the sensor file of {}", sensor.name);
+            // The stiffness is per mm: [shear] alone, which counts in pitches, is not enough.
+            let missing = if sensor.shear.is_some() { "pitch_mm" } else { "[shear]" };
+            let got = || format!("0, and no {missing} in the sensor file of {}", sensor.name);
             let of_finger = self.margin.for_finger(sensor.shear_stiffness_mpa_per_mm());
             of_finger.map_err(|error| SettingError { got: got(), ..error })?;
         }

@@ -153,4 +153,7 @@ fn a_task_that_goes_by_shear_wants_a_finger_that_tells_it_in_mm() {
     assert!(error.contains("margin.stiffness_mpa_per_mm") && error.contains("file of bare"), "{error}");
     sensor.shear = Some(Shear { stiffness_n_per_pitch: 0.2, provenance: "measured".into() });
     margin.check_finger(TaskKind::Lift, &sensor).expect("its stiffness is known");
+    sensor.pitch_mm = None;
+    let error = margin.check_finger(TaskKind::Lift, &sensor).expect_err("known in pitches only").to_string();
+    assert!(error.contains("no pitch_mm in the sensor file of bare"), "{error}");
 }

@@ -3,6 +3,7 @@
 use crate::commands::recording::LiveCamera;
 use crate::outcome::{Failure, Outcome};
 use crate::run_output::{FrameTally, RunOutput, RunScorer};
+use crate::terminal;
 use anyhow::anyhow;
 use slipbound::task::{Ending, Missing, Phase};
 use slipbound_rig::link::now_ns;
@@ -32,7 +33,7 @@ impl Ended<'_> {
     /// Prints the results, writes the page, and decides whether the work was done. `ran`: what ended the loop.
     pub fn report(self, ran: anyhow::Result<()>, mut output: RunOutput, scorer: RunScorer) -> Result<Outcome, Failure> {
         if let Err(e) = &ran {
-            output.note(now_ns(), &format!("{e:#}"));
+            output.note(now_ns(), &terminal::in_words(e));
         }
         let RunScorer { mut score, phase, refused_lowering, tallies, .. } = scorer;
         let is_at_work = ran.is_ok() && self.is_hold && matches!(phase, Some(Phase::Working | Phase::Waiting));
@@ -43,7 +44,7 @@ impl Ended<'_> {
         let ending = score.ending.filter(|ending| ran.is_ok() || !is_timed_out(ending));
         let unfinished = || match &ran {
             Ok(()) => "not before the end of the source".into(),
-            Err(e) => format!("{e:#}"),
+            Err(e) => terminal::in_words(e),
         };
         let (lasted, until) = duration(score.ended_s, score.time_s, ending);
         let row = |name: &str, value: String| Row { name: name.into(), value, ..Row::default() };

@@ -5,7 +5,7 @@ use super::{BatchMode, JudgedRecording};
 use crate::commands::recording;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
-use crate::terminal::Terminal;
+use crate::terminal::{Terminal, in_words};
 use anyhow::anyhow;
 use slipbound::monitor::SlipState;
 use slipbound_rig::source;
@@ -58,7 +58,7 @@ impl Watch {
                 Err(Failure::Work(e) | Failure::Arguments(e)) => {
                     failed_count += 1;
                     terminal.say(&format!("{name:<width$}  failed"))?;
-                    terminal.note(&format!("{e:#}"));
+                    terminal.note(&in_words(&e));
                 }
             }
             if batch.interrupted.load(Ordering::Relaxed) {

@@ -194,7 +194,8 @@ impl Outputs {
         let path = overlay.path().display().to_string();
         let Drawn { lost_count, full_at_seq } = overlay.finish().map_err(cannot_draw)?;
         self.overlay_is_whole &= lost_count == 0 && full_at_seq.is_none();
-        let lost = (lost_count > 0).then(|| format!("{lost_count} frames were not drawn: the drawing did not keep up"));
+        let frames = if lost_count == 1 { "frame was" } else { "frames were" };
+        let lost = (lost_count > 0).then(|| format!("{lost_count} {frames} not drawn: the drawing did not keep up"));
         let full = full_at_seq.map(|seq| {
             let full = format!("the video is full, {} bytes", self.overlay_limit_bytes);
             let advice = "--overlay FOLDER draws pictures without a limit";
