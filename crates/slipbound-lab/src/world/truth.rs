@@ -172,11 +172,9 @@ pub struct TruthHeader {
 /// Fills in load fraction and margin, once gross slip is known or the trial has ended. The load at which an object slides
 /// is proportional to the grip: f is the load over the one that would slide at the grip of its own frame.
 pub fn complete(truths: &mut [FrameTruth], gross: Option<Gross>) {
-    let shown = gross.and_then(|gross| truths.iter().find(|truth| gross.is_shown_at(truth.time_ns as f64 * 1e-9)));
-    let gross_grip_n = shown.or(truths.last()).map_or(f64::NAN, |truth| truth.grip_force_n);
     for truth in truths {
         let gross_load = gross.filter(|_| truth.grip_force_n > 0.0);
-        let gross_load = gross_load.map(|gross| gross.load * (truth.grip_force_n / gross_grip_n));
+        let gross_load = gross_load.map(|gross| gross.load * (truth.grip_force_n / gross.grip_force_n));
         truth.load_fraction = truth.load.zip(gross_load).map(|(load, gross_load)| load / gross_load);
         truth.margin = truth.load_fraction.map(|fraction| 1.0 - fraction);
     }

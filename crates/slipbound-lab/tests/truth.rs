@@ -1,0 +1,38 @@
+//! The ground truth of a recording: it agrees with itself and with statics.
+
+use slipbound_lab::record::record;
+use slipbound_lab::scenes::Trial;
+use slipbound_lab::world::{FrameTruth, TruthHeader};
+
+/// Header and frames of a recording of a scene.
+fn recorded(text: &str) -> (TruthHeader, Vec<FrameTruth>) {
+    let trial = Trial::parse(text).unwrap_or_else(|error| panic!("{text}: {error}"));
+    let folder = tempfile::tempdir().expect("a folder");
+    record(&trial, folder.path(), |_| true).unwrap_or_else(|error| panic!("{text}: {error}"));
+    let text = std::fs::read_to_string(folder.path().join("truth.jsonl")).expect("a truth file");
+    let (header, lines) = text.split_once('\n').expect("a header");
+    let truths = lines.lines().map(|line| serde_json::from_str(line).expect("a truth")).collect();
+    (serde_json::from_str(header).expect("a header"), truths)
+}
+
+fn time_s(truth: &FrameTruth) -> f64 {
+    truth.time_ns as f64 * 1e-9
+}
+
+/// A flat face slides at mu P also if it lets go while the grip falls, between two frames.
+#[test]
+fn the_load_fraction_counts_from_the_grip_at_gross_slip_not_from_the_frame_after_it() {
+    let (header, truths) = recorded(
+        "regrip?object=crayons_box&force_n=20&mu=0.5&grid=fast&regrip_fraction=0.7&regrip_at_fraction=0.84&regrips=1",
+    );
+    let gross = header.gross.expect("it slides");
+    let shown = truths.iter().find(|truth| gross.is_shown_at(time_s(truth))).expect("frames");
+    assert!(gross.grip_force_n > 1.1 * shown.grip_force_n, "{gross:?}, {} N", shown.grip_force_n);
+    let before = truths.iter().filter(|truth| !gross.is_shown_at(time_s(truth)) && truth.load > Some(0.2));
+    assert!(before.clone().count() > 10);
+    for truth in before {
+        let expected = truth.wrench.force_n.length() / (0.5 * truth.grip_force_n);
+        let f = truth.load_fraction.expect("it slides in the end");
+        assert!((f / expected - 1.0).abs() < 0.03, "frame {}: {f}, expected {expected}", truth.frame);
+    }
+}
