@@ -127,7 +127,7 @@ pub fn record(
     let file = SceneFile { software_version: env!("CARGO_PKG_VERSION").into(), trial: trial.clone() };
     write_toml(&folder.join("scene.toml"), &file)?;
 
-    let (mut truths, mut torn_count) = (Vec::new(), 0);
+    let (mut truths, mut torn_count, mut events_count) = (Vec::new(), 0, 0);
     let mut source = Faulty::new(world, trial.faults().unwrap_or_default(), trial.seed);
     let mut frame = FrameBuffer::default();
     loop {
@@ -139,8 +139,12 @@ pub fn record(
             Next::Frame => {}
         }
         write(&folder.join(format!("frame_{:06}.jpg", frame.seq)), &frame.encoded)?;
-        truths.push(source.source().truth().clone());
-        if !go_on(source.source().truth()) {
+        let world = source.source();
+        // Those of dropped frames too.
+        let events = world.events()[events_count..].to_vec();
+        events_count = world.events().len();
+        truths.push(FrameTruth { events, ..world.truth().clone() });
+        if !go_on(world.truth()) {
             return Err(RecordError::Interrupted { frames_count: truths.len() as u64 });
         }
     }

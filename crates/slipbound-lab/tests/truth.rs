@@ -1,8 +1,9 @@
-//! The ground truth of a recording: it agrees with itself and with statics.
+//! The ground truth of a recording: fractions, events and flags agree with one another and with statics.
 
+use slipbound_lab::contact::Event;
 use slipbound_lab::record::record;
 use slipbound_lab::scenes::Trial;
-use slipbound_lab::world::{FrameTruth, TruthHeader};
+use slipbound_lab::world::{FrameTruth, Gross, TruthHeader};
 
 /// Header and frames of a recording of a scene.
 fn recorded(text: &str) -> (TruthHeader, Vec<FrameTruth>) {
@@ -35,4 +36,35 @@ fn the_load_fraction_counts_from_the_grip_at_gross_slip_not_from_the_frame_after
         let f = truth.load_fraction.expect("it slides in the end");
         assert!((f / expected - 1.0).abs() < 0.03, "frame {}: {f}, expected {expected}", truth.frame);
     }
+}
+
+fn times_of(event: Event, truths: &[FrameTruth]) -> Vec<(usize, f64)> {
+    let all = truths.iter().enumerate().flat_map(|(n, truth)| truth.events.iter().map(move |timed| (n, timed)));
+    all.filter(|(_, timed)| timed.event == event).map(|(n, timed)| (n, timed.time_s)).collect()
+}
+
+fn assert_event_is_gross_slip(gross: Gross, truths: &[FrameTruth]) {
+    let shown = truths.iter().position(|truth| gross.is_shown_at(time_s(truth))).expect("frames");
+    assert_eq!(times_of(Event::Gross, truths), [(shown, gross.time_s)], "{gross:?}");
+}
+
+/// On a bend gross slip is known two frames after it began; header and event must tell the same time.
+#[test]
+fn the_event_of_gross_slip_on_a_bend_is_in_the_frame_that_shows_it() {
+    let (header, truths) = recorded("shear_and_twist?distance_mm=6&angle_deg=36&object=toy_duck&grid=fast");
+    let gross = header.gross.expect("it slides");
+    assert_event_is_gross_slip(gross, &truths);
+    let shown = truths.iter().find(|truth| gross.is_shown_at(time_s(truth))).expect("frames");
+    assert!(shown.friction_used_fraction < Some(0.99), "by the rule for bends: {:?}", shown.friction_used_fraction);
+}
+
+#[test]
+fn events_of_dropped_frames_are_in_the_next_frame_that_arrives() {
+    let scene = "ramp?object=crayons_box&grid=fast&ramp_s=0.5";
+    let (_, whole) = recorded(scene);
+    let (header, truths) = recorded(&format!("{scene}&fault=drop=0.7"));
+    assert!(truths.len() < whole.len() / 2, "{} of {}", truths.len(), whole.len());
+    assert_event_is_gross_slip(header.gross.expect("it slides"), &truths);
+    let events = |truths: &[FrameTruth]| truths.iter().flat_map(|truth| truth.events.clone()).collect::<Vec<_>>();
+    assert_eq!(events(&truths), events(&whole));
 }

@@ -79,7 +79,7 @@ impl GrossWatch {
         self.friction_used
     }
 
-    /// Processes a substep; whether this is the first of gross slip.
+    /// Processes a substep; whether gross slip was found in it. On a bend it began two frames before.
     pub fn see(&mut self, finger: &Finger, path_s: f64, time_s: f64, load: f64) -> bool {
         let truth = finger.truth();
         let loaded = self.load_from_s.is_some_and(|from_s| path_s > from_s + 1e-9) && load > 0.0;
