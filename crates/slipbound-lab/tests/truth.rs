@@ -68,3 +68,14 @@ fn events_of_dropped_frames_are_in_the_next_frame_that_arrives() {
     let events = |truths: &[FrameTruth]| truths.iter().flat_map(|truth| truth.events.clone()).collect::<Vec<_>>();
     assert_eq!(events(&truths), events(&whole));
 }
+
+/// The gel of the GelSight Mini ends before the grid does.
+#[test]
+fn a_contact_that_reaches_the_edge_of_the_gel_is_flagged() {
+    let at_border = |object: &str| {
+        let scene = format!("press?camera=gelsight_mini&object={object}&grid=fast&hold_s=0.1&press_s=0.1");
+        recorded(&scene).1.iter().filter(|truth| truth.at_border).count()
+    };
+    assert_eq!(at_border("bottle_cap"), 0, "well within the pad");
+    assert!(at_border("crayons_box") > 5, "larger than the pad");
+}

@@ -38,7 +38,8 @@ pub struct FrameTruth {
     pub frame: u64,
     /// Time of its exposure, in ns.
     pub time_ns: u64,
-    /// Where the object is.
+    /// Where the object's reference point is and how it is turned. Rolling is not in it: the contact then moves while the
+    /// skin of the object stays where it touched.
     pub pose: Pose,
     /// Normal force of this finger, in N.
     pub grip_force_n: f64,
@@ -77,7 +78,7 @@ pub struct FrameTruth {
     pub object_strain_fraction: f64,
     /// Whether gel or object strain beyond [`LINEAR_STRAIN`]: a real one would behave differently.
     pub beyond_linear: bool,
-    /// Whether the contact reaches the border of the pad.
+    /// Whether the contact reaches the border of the pad: of the grid, or the rounded edge of a gel that ends before it.
     pub at_border: bool,
     /// Whether both solvers met their tolerance in the last substep.
     pub converged: bool,
