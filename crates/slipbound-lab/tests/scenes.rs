@@ -300,6 +300,8 @@ fn what_cannot_be_is_refused_by_name() {
         ("press?object=crayons_box&turn_deg=90", "object, turn_deg, at_y_mm"),
         ("press?object=crayons_box&at_x_mm=8", "object, turn_deg, at_x_mm"),
         ("quiet_grip_steps?force_n=50&most_n=20", "most_n"),
+        ("fill?most_kg=0.04", "most_kg"),
+        ("shear_and_twist?distance_mm=0&angle_deg=40", "distance_mm, speed_mm_per_s, angle_deg"),
     ] {
         assert_eq!(World::new(&trial(text)).expect_err(text).key, key, "{text}");
     }
