@@ -73,6 +73,8 @@ pub struct Recorded {
     pub beyond_linear_count: u64,
     /// Frames in which the contact reaches the border of the pad.
     pub at_border_count: u64,
+    /// Frames in which a solver did not meet its tolerance.
+    pub unconverged_count: u64,
     /// When the object began to slide as a whole.
     pub gross: Option<Gross>,
 }
@@ -157,6 +159,7 @@ pub fn record(
         torn_count,
         beyond_linear_count: counted(|truth| truth.beyond_linear),
         at_border_count: counted(|truth| truth.at_border),
+        unconverged_count: counted(|truth| !truth.converged),
         gross: world.gross(),
     })
 }

@@ -71,6 +71,7 @@ impl Simulate {
             (recorded.torn_count, "torn"),
             (recorded.beyond_linear_count, "strained beyond the linear range"),
             (recorded.at_border_count, "with the contact at the border of the pad"),
+            (recorded.unconverged_count, "in which a solver did not converge"),
         ] {
             if count > 0 {
                 parts.push(format!("{count} {what}"));
