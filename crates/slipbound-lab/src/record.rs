@@ -110,8 +110,26 @@ pub fn read_scene(path: &Path) -> Result<Trial, RecordError> {
         let meant = nearest(unknown, &SCENE_KEYS).map_or_else(String::new, |key| format!("; did you mean `{key}`?"));
         return Err(bad(format!("unknown key `{unknown}`{meant}")));
     }
+    if let Some(problem) = wrong_kind(&table) {
+        return Err(bad(problem));
+    }
     let file: SceneFile = toml::from_str(&text).map_err(|error| bad(error.message().to_owned()))?;
     Ok(file.trial)
+}
+
+/// A value of another kind than its key takes: the messages of the flattened trial do not name the key.
+fn wrong_kind(table: &toml::Table) -> Option<String> {
+    let unless = |is_right: bool, key: &str, expected: &str, got: &toml::Value| {
+        (!is_right).then(|| format!("{key}: expected {expected}, got {got}"))
+    };
+    table.iter().find_map(|(key, value)| match (key.as_str(), value) {
+        ("seed", got) => unless(got.as_integer().is_some_and(|seed| seed >= 0), key, "a whole number, 0 or above", got),
+        ("set", toml::Value::Table(set)) => set.iter().find_map(|(key, got)| {
+            unless(got.is_str() || got.is_integer() || got.is_float(), &format!("set.{key}"), "a number or a text", got)
+        }),
+        ("set", got) => unless(false, key, "a table of parameters", got),
+        (_, got) => unless(got.is_str(), key, "a text", got),
+    })
 }
 
 /// Runs a trial and writes it to a folder. `go_on` is called after every frame; false stops the run.
