@@ -79,3 +79,14 @@ fn a_contact_that_reaches_the_edge_of_the_gel_is_flagged() {
     assert_eq!(at_border("bottle_cap"), 0, "well within the pad");
     assert!(at_border("crayons_box") > 5, "larger than the pad");
 }
+
+/// A cap that rolls off the pad with extreme strain: the solvers reach their limits of iterations.
+#[test]
+fn frames_that_did_not_converge_are_counted() {
+    let scene = "roll?distance_mm=30&speed_mm_per_s=60&grid=fast&rest_frames=1&press_s=0.1";
+    let folder = tempfile::tempdir().expect("a folder");
+    let recorded = record(&Trial::parse(scene).expect("a scene"), folder.path(), |_| true).expect("records");
+    let truth = std::fs::read_to_string(folder.path().join("truth.jsonl")).expect("a truth file");
+    let unconverged = truth.lines().filter(|line| line.contains("\"converged\":false")).count() as u64;
+    assert!(unconverged > 0 && recorded.unconverged_count == unconverged, "{recorded:?}, {unconverged} in the file");
+}
