@@ -75,6 +75,8 @@ pub struct Recorded {
     pub at_border_count: u64,
     /// Frames in which a solver did not meet its tolerance.
     pub unconverged_count: u64,
+    /// Whether the scene loads the object; gross slip is looked for only under load.
+    pub is_loaded: bool,
     /// When the object began to slide as a whole.
     pub gross: Option<Gross>,
 }
@@ -178,6 +180,7 @@ pub fn record(
         beyond_linear_count: counted(|truth| truth.beyond_linear),
         at_border_count: counted(|truth| truth.at_border),
         unconverged_count: counted(|truth| !truth.converged),
+        is_loaded: truths.iter().any(|truth| truth.load.is_some()),
         gross: world.gross(),
     })
 }
