@@ -20,7 +20,8 @@ pub struct Simulation {
     sensor: Arc<CoreSensor>,
     grid: Grid,
     rest_mm: Vec<[f64; 2]>,
-    world: Mutex<Faulty<World>>,
+    /// The source, and the number of events of the frames that have come.
+    world: Mutex<(Faulty<World>, usize)>,
 }
 
 /// See the package's `lab.simulate`.
@@ -43,7 +44,7 @@ pub fn simulate(
         let world = World::new(&trial).map_err(setting)?;
         let rest_mm = world.markers_at_rest_mm().iter().map(|p| [p.x, p.y]).collect();
         let (sensor, grid) = (Arc::new(world.sensor()), world.grid());
-        let world = Mutex::new(Faulty::new(world, trial.faults().unwrap_or_default(), trial.seed));
+        let world = Mutex::new((Faulty::new(world, trial.faults().unwrap_or_default(), trial.seed), 0));
         Ok(Simulation { trial, sensor, grid, rest_mm, world })
     };
     // Making a world takes a few tenths of a second.
@@ -59,7 +60,7 @@ impl Simulation {
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<SimulatedFrame>> {
         py.check_signals()?;
         let mut world = exclusive(&self.world, "simulation")?;
-        let world = &mut *world;
+        let (world, events_count) = &mut *world;
         let next = py.detach(|| {
             guarded(|| {
                 let mut frame = FrameBuffer::default();
@@ -72,7 +73,11 @@ impl Simulation {
                         Next::End => return Ok(None),
                     }
                 };
-                Ok(Some((frame, torn, world.source().truth().clone())))
+                let world = world.source();
+                // Those of dropped frames too.
+                let events = world.events()[*events_count..].to_vec();
+                *events_count = world.events().len();
+                Ok(Some((frame, torn, FrameTruth { events, ..world.truth().clone() })))
             })
         })?;
         Ok(next.map(|(frame, torn, truth)| SimulatedFrame { frame, torn, truth: Truth { truth, grid: self.grid } }))
@@ -100,17 +105,18 @@ impl Simulation {
     /// When the object began to slide as a whole and under which load, as a dict; None while it has not.
     #[getter]
     fn gross<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        exclusive(&self.world, "simulation")?.source().gross().map(|gross: Gross| data(py, &gross)).transpose()
+        exclusive(&self.world, "simulation")?.0.source().gross().map(|gross: Gross| data(py, &gross)).transpose()
     }
 
-    /// The truths with load fraction and margin filled in, which are known when the trial is over.
+    /// The truths with load fraction and margin filled in, which are known when the trial is over, and the event of gross
+    /// slip in the first frame that shows it: on a bend it is found two frames later.
     ///
     /// Parameters
     /// ----------
     /// truths : sequence of Truth
     ///     Those of the frames, in their order.
     fn complete(&self, truths: Vec<PyRef<'_, Truth>>) -> PyResult<Vec<Truth>> {
-        let gross = exclusive(&self.world, "simulation")?.source().gross();
+        let gross = exclusive(&self.world, "simulation")?.0.source().gross();
         let mut all: Vec<FrameTruth> = truths.iter().map(|truth| truth.truth.clone()).collect();
         complete(&mut all, gross);
         Ok(all.into_iter().map(|truth| Truth { truth, grid: self.grid }).collect())
@@ -234,7 +240,8 @@ impl Truth {
         self.truth.margin
     }
 
-    /// Names of the events since the frame before: `touch`, `first_slip`, `gross`, ...
+    /// Names of the events since the frame before, dropped ones included: `first_contact`, `stick_below80` and
+    /// `stick_below50` (the stick ratio falls below 0.8, 0.5), `gross`, `parted`.
     #[getter]
     fn events(&self) -> PyResult<Vec<String>> {
         self.truth.events.iter().map(|timed| word(&timed.event)).collect()

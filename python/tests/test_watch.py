@@ -69,7 +69,7 @@ def test_simulated_frames_have_the_faults_of_those_that_are_watched(frames, faul
     assert [frame.seq for frame in faulty] == [seq for seq, _ in seen]
     for frame, (seq, image) in zip(faulty, seen):
         whole = next(f for f in frames if f.seq == seq)
-        assert frame.truth.to_dict() == whole.truth.to_dict()
+        assert frame.truth.to_dict() | {"events": None} == whole.truth.to_dict() | {"events": None}
         if image is None:
             assert frame.torn.startswith("JPEG cut off") and whole.jpeg.startswith(frame.jpeg)
             with pytest.raises(slipbound.FrameError, match=f"frame {seq} that is torn: JPEG cut off"):
@@ -77,6 +77,10 @@ def test_simulated_frames_have_the_faults_of_those_that_are_watched(frames, faul
         else:
             assert frame.torn is None and np.array_equal(frame.image(), image)
             assert np.array_equal(image, whole.image()) != ("dead" in fault)
+    # Those of a dropped frame are told with the next one.
+    events = [event for frame in faulty for event in frame.truth.events]
+    assert {"first_contact", "gross"} <= set(events)
+    assert events == [event for frame in frames if frame.seq <= faulty[-1].seq for event in frame.truth.events]
     assert len(faulty) == len(frames) if "drop" not in fault else any(image is None for _, image in seen)
 
 

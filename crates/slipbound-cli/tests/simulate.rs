@@ -54,6 +54,21 @@ fn a_recorded_scene_is_judged_as_the_live_one() {
     assert_eq!(rest.code, Some(0), "{rest:?}");
 }
 
+/// Under no load gross slip is not looked for: what a scene says of it must not be taken for its absence.
+#[test]
+fn a_scene_without_load_does_not_claim_that_nothing_slid() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let short = "grid=fast&rest_frames=1&press_s=0.1&settle_s=0.05";
+    for (scene, expected) in [
+        ("vibration?hold_s=0.2&distance_mm=2", "no load, so gross slip is not looked for"),
+        ("shear?distance_mm=0.2", "no gross slip, so no load fraction"),
+    ] {
+        let folder = &scene[..5];
+        let made = run(dir.path(), &["simulate", &format!("{scene}&{short}"), "-o", folder]);
+        assert!(made.code == Some(0) && made.out.contains(expected), "{scene}: {made:?}");
+    }
+}
+
 #[test]
 fn contact_is_seen_in_a_scene() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -73,6 +73,10 @@ pub struct Recorded {
     pub beyond_linear_count: u64,
     /// Frames in which the contact reaches the border of the pad.
     pub at_border_count: u64,
+    /// Frames in which a solver did not meet its tolerance.
+    pub unconverged_count: u64,
+    /// Whether the scene loads the object; gross slip is looked for only under load.
+    pub is_loaded: bool,
     /// When the object began to slide as a whole.
     pub gross: Option<Gross>,
 }
@@ -108,8 +112,26 @@ pub fn read_scene(path: &Path) -> Result<Trial, RecordError> {
         let meant = nearest(unknown, &SCENE_KEYS).map_or_else(String::new, |key| format!("; did you mean `{key}`?"));
         return Err(bad(format!("unknown key `{unknown}`{meant}")));
     }
+    if let Some(problem) = wrong_kind(&table) {
+        return Err(bad(problem));
+    }
     let file: SceneFile = toml::from_str(&text).map_err(|error| bad(error.message().to_owned()))?;
     Ok(file.trial)
+}
+
+/// A value of another kind than its key takes: the messages of the flattened trial do not name the key.
+fn wrong_kind(table: &toml::Table) -> Option<String> {
+    let unless = |is_right: bool, key: &str, expected: &str, got: &toml::Value| {
+        (!is_right).then(|| format!("{key}: expected {expected}, got {got}"))
+    };
+    table.iter().find_map(|(key, value)| match (key.as_str(), value) {
+        ("seed", got) => unless(got.as_integer().is_some_and(|seed| seed >= 0), key, "a whole number, 0 or above", got),
+        ("set", toml::Value::Table(set)) => set.iter().find_map(|(key, got)| {
+            unless(got.is_str() || got.is_integer() || got.is_float(), &format!("set.{key}"), "a number or a text", got)
+        }),
+        ("set", got) => unless(false, key, "a table of parameters", got),
+        (_, got) => unless(got.is_str(), key, "a text", got),
+    })
 }
 
 /// Runs a trial and writes it to a folder. `go_on` is called after every frame; false stops the run.
@@ -127,7 +149,7 @@ pub fn record(
     let file = SceneFile { software_version: env!("CARGO_PKG_VERSION").into(), trial: trial.clone() };
     write_toml(&folder.join("scene.toml"), &file)?;
 
-    let (mut truths, mut torn_count) = (Vec::new(), 0);
+    let (mut truths, mut torn_count, mut events_count) = (Vec::new(), 0, 0);
     let mut source = Faulty::new(world, trial.faults().unwrap_or_default(), trial.seed);
     let mut frame = FrameBuffer::default();
     loop {
@@ -139,8 +161,12 @@ pub fn record(
             Next::Frame => {}
         }
         write(&folder.join(format!("frame_{:06}.jpg", frame.seq)), &frame.encoded)?;
-        truths.push(source.source().truth().clone());
-        if !go_on(source.source().truth()) {
+        let world = source.source();
+        // Those of dropped frames too.
+        let events = world.events()[events_count..].to_vec();
+        events_count = world.events().len();
+        truths.push(FrameTruth { events, ..world.truth().clone() });
+        if !go_on(world.truth()) {
             return Err(RecordError::Interrupted { frames_count: truths.len() as u64 });
         }
     }
@@ -153,6 +179,8 @@ pub fn record(
         torn_count,
         beyond_linear_count: counted(|truth| truth.beyond_linear),
         at_border_count: counted(|truth| truth.at_border),
+        unconverged_count: counted(|truth| !truth.converged),
+        is_loaded: truths.iter().any(|truth| truth.load.is_some()),
         gross: world.gross(),
     })
 }

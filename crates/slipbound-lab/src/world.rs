@@ -63,7 +63,9 @@ pub struct World {
     full_slip: Option<Wrench>,
     load: f64,
     gross: GrossWatch,
+    /// Every event so far, and the number of those before the last frame.
     events: Vec<TimedEvent>,
+    events_before_count: usize,
     displacement: Vec<Displacement>,
     rgb: Vec<u8>,
     truth: FrameTruth,
@@ -120,6 +122,7 @@ impl World {
             full_slip: None,
             load: 0.0,
             events: Vec::new(),
+            events_before_count: 0,
         };
         world.put_in_place()?;
         Ok(world)
@@ -157,6 +160,12 @@ impl World {
         &self.truth
     }
 
+    /// Every event so far, in the order in which they were found. A frame that is dropped on the way takes the events in
+    /// its truth with it, not those here.
+    pub fn events(&self) -> &[TimedEvent] {
+        &self.events
+    }
+
     /// When the object began to slide as a whole, and under which load; None until then.
     pub fn gross(&self) -> Option<Gross> {
         self.gross.found()
@@ -174,7 +183,7 @@ impl World {
         }
         let frame = self.next_frame;
         self.next_frame += 1;
-        self.events.clear();
+        self.events_before_count = self.events.len();
         if frame >= self.rest_frames {
             for _ in 0..SUBSTEPS_COUNT {
                 self.substep()?;
@@ -254,9 +263,10 @@ impl World {
         }
         let time_s = self.clock_s(now_s);
         self.note_events(time_s);
-        if self.gross.see(&self.finger, now_s, time_s, self.load) {
+        let is_found = self.gross.see(&self.finger, now_s, time_s, self.load);
+        if let Some(gross) = self.gross.found().filter(|_| is_found) {
             // On a curved path gross slip is confirmed two frames after it began.
-            self.events.push(TimedEvent { event: Event::Gross, time_s });
+            self.events.push(TimedEvent { event: Event::Gross, time_s: gross.time_s });
         }
         Ok(())
     }
@@ -329,7 +339,7 @@ impl World {
         let mut truth = FrameTruth::of(&self.finger, frame, time_ns, markers);
         truth.friction_used_fraction = self.gross.friction_used_fraction();
         truth.load = self.profile.load_from_s.map(|_| self.load);
-        truth.events.clone_from(&self.events);
+        truth.events.extend_from_slice(&self.events[self.events_before_count..]);
         truth
     }
 }

@@ -96,6 +96,24 @@ fn a_scene_file_makes_the_same_recording_again() {
 }
 
 #[test]
+fn a_scene_file_with_a_value_of_another_kind_is_refused_with_its_key() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("scene.toml");
+    for (text, expected) in [
+        ("scene = \"press\"\nseed = -1", "seed: expected a whole number, 0 or above, got -1"),
+        ("scene = \"press\"\nseed = 1.5", "seed: expected a whole number, 0 or above, got 1.5"),
+        ("scene = 3", "scene: expected a text, got 3"),
+        ("scene = \"press\"\nset = 3", "set: expected a table of parameters, got 3"),
+        ("scene = \"press\"\nset.force_n = [1]", "set.force_n: expected a number or a text, got [1]"),
+        ("seed = 1", "missing field `scene`"),
+    ] {
+        fs::write(&path, text).expect("written");
+        let error = read_scene(&path).expect_err(text).to_string();
+        assert_eq!(error, format!("{}: expected a scene file: {expected}", path.display()));
+    }
+}
+
+#[test]
 fn the_truth_file_reads_back_and_fits_the_frames() {
     let files = recorded(&format!("{SHORT}&object=tape_roll"));
     let text = String::from_utf8(files["truth.jsonl"].clone()).expect("UTF-8");
@@ -300,6 +318,8 @@ fn what_cannot_be_is_refused_by_name() {
         ("press?object=crayons_box&turn_deg=90", "object, turn_deg, at_y_mm"),
         ("press?object=crayons_box&at_x_mm=8", "object, turn_deg, at_x_mm"),
         ("quiet_grip_steps?force_n=50&most_n=20", "most_n"),
+        ("fill?most_kg=0.04", "most_kg"),
+        ("shear_and_twist?distance_mm=0&angle_deg=40", "distance_mm, speed_mm_per_s, angle_deg"),
     ] {
         assert_eq!(World::new(&trial(text)).expect_err(text).key, key, "{text}");
     }

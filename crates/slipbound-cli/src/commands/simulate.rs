@@ -65,12 +65,14 @@ impl Simulate {
         let mut parts = vec![format!("{} frames", recorded.frames_count)];
         parts.push(match recorded.gross {
             Some(gross) => format!("gross slip at {:.3} s", gross.time_s),
-            None => "no gross slip, so no load fraction".into(),
+            None if recorded.is_loaded => "no gross slip, so no load fraction".into(),
+            None => "no load, so gross slip is not looked for".into(),
         });
         for (count, what) in [
             (recorded.torn_count, "torn"),
             (recorded.beyond_linear_count, "strained beyond the linear range"),
             (recorded.at_border_count, "with the contact at the border of the pad"),
+            (recorded.unconverged_count, "in which a solver did not converge"),
         ] {
             if count > 0 {
                 parts.push(format!("{count} {what}"));

@@ -220,6 +220,20 @@ impl Finger {
         ((way_mm / MOST_WAY_MM).ceil() as u32).clamp(1, MOST_INCREMENTS_COUNT)
     }
 
+    /// Whether the contact reaches the border of the grid, or the rounded edge of the gel: closer to its free side than
+    /// the gel is thick, where the endless layer is a poor model of it.
+    pub(super) fn is_at_border(&self) -> bool {
+        let grid = self.settings.grid;
+        let is_on_edge = |&cell: &u32| self.below.get(cell as usize).is_some_and(|below_mm| *below_mm > 0.0);
+        let reaches = |w: Region| {
+            w.column == 0
+                || w.row == 0
+                || w.column + w.width_cells == grid.width_cells
+                || w.row + w.height_cells == grid.height_cells
+        };
+        self.window.is_some_and(reaches) || self.cells.iter().any(is_on_edge)
+    }
+
     /// The command from which this step starts: the object's present pose, and the last command.
     pub(super) fn begun(&self, command: &Command) -> Command {
         let asked = self.asked.unwrap_or(*command);

@@ -391,6 +391,7 @@ impl Finger {
     fn account_cells(&mut self) {
         let grid = self.settings.grid;
         let area = grid.cell_area_mm2();
+        let at_border = self.is_at_border();
         let truth = &mut self.truth;
         let stuck = self.cells.iter().filter(|&&i| self.stick[i as usize]).count();
         truth.contact_cells_count = self.cells.len() as u32;
@@ -408,11 +409,6 @@ impl Finger {
             &self.pressure,
         );
         truth.beyond_linear = truth.largest_strain_fraction > LINEAR_STRAIN;
-        truth.at_border = self.window.is_some_and(|w| {
-            w.column == 0
-                || w.row == 0
-                || w.column + w.width_cells == grid.width_cells
-                || w.row + w.height_cells == grid.height_cells
-        });
+        truth.at_border = at_border;
     }
 }

@@ -123,7 +123,8 @@ pub struct Truth {
     pub largest_strain_fraction: f64,
     /// Whether that is above [`LINEAR_STRAIN`]: the numbers are those of a linear gel, a real one would differ.
     pub beyond_linear: bool,
-    /// Whether the contact reaches the border of the grid: the object has left the pad or is too large for it.
+    /// Whether the contact reaches the border of the grid or the rounded edge of the gel: the object has left the pad or
+    /// is too large for it.
     pub at_border: bool,
     /// Work dissipated by slip in this step, in N mm; 0 or above.
     pub dissipated_n_mm: f64,

@@ -328,7 +328,7 @@ mod tests {
                 slides: frame >= 30,
             }
         });
-        let gross = slips.then(|| Gross { time_s: 1.0, load: 1.0, pose: Default::default() });
+        let gross = slips.then(|| Gross { time_s: 1.0, load: 1.0, grip_force_n: 10.0, pose: Default::default() });
         let watched = Watched { truth: truth.collect(), gross, load_from_frame: 10, seen: Vec::new() };
         let scored_trial =
             ScoredTrial { number: 0, trial: "t".into(), object: "o".into(), slips, from_frame: 10, mu: Some(0.8) };
@@ -400,7 +400,8 @@ mod tests {
             for truth in &mut watched.truth {
                 truth.time_s = (truth.frame * 1_000_000_000 / 30) as f64 * 1e-9;
             }
-            watched.gross = Some(Gross { time_s: frame as f64 / 30.0, load: 1.0, pose: Default::default() });
+            watched.gross =
+                Some(Gross { time_s: frame as f64 / 30.0, load: 1.0, grip_force_n: 10.0, pose: Default::default() });
             let mut seen = seen(Some(frame));
             seen[frame + 2].state = SlipState::Gross;
             let record = record(&scored_trial, &DETECTORS[0], &watched, &seen);

@@ -189,9 +189,22 @@ fn twist(set: &Parameters) -> Result<LoadProfile, SettingError> {
     moved(set, Vec2::ZERO, angle_deg.to_radians(), seconds_s)
 }
 
+/// Fastest rotation, in deg/s: the limit of `speed_deg_per_s`.
+pub(super) const MOST_DEG_PER_S: f64 = 720.0;
+
 fn shear_and_twist(set: &Parameters) -> Result<LoadProfile, SettingError> {
     let (shift_mm, seconds_s) = way(set);
-    moved(set, shift_mm, set.number("angle_deg").to_radians(), seconds_s)
+    let angle_deg = set.number("angle_deg");
+    let deg_per_s = angle_deg.abs() / seconds_s;
+    if deg_per_s > MOST_DEG_PER_S {
+        // The rotation takes as long as the motion.
+        return Err(SettingError {
+            key: "distance_mm, speed_mm_per_s, angle_deg".into(),
+            got: format!("{angle_deg} deg in {seconds_s:.3} s, the time of the motion"),
+            expected: format!("a rotation by at most {MOST_DEG_PER_S} deg/s"),
+        });
+    }
+    moved(set, shift_mm, angle_deg.to_radians(), seconds_s)
 }
 
 fn roll(set: &Parameters) -> Result<LoadProfile, SettingError> {
@@ -287,7 +300,14 @@ fn fill(set: &Parameters) -> Result<LoadProfile, SettingError> {
     let (mut legs, begin_s) = begin(set);
     let inertia = inertia(set);
     let (lift_s, fill_kg_per_s, most_kg) = (set.number("lift_s"), set.number("fill_kg_per_s"), set.number("most_kg"));
-    let filling_s = ((most_kg - inertia.mass_kg) / fill_kg_per_s).max(0.0);
+    if most_kg < inertia.mass_kg {
+        return Err(SettingError {
+            key: "most_kg".into(),
+            got: most_kg.to_string(),
+            expected: format!("at least the mass of the object, {} kg", inertia.mass_kg),
+        });
+    }
+    let filling_s = (most_kg - inertia.mass_kg) / fill_kg_per_s;
     legs.push(Leg::hold(lift_s + filling_s + set.number("hold_s")));
     let pull =
         Pull::Weight { direction_rad: direction_rad(set), lift_s, mass_kg: inertia.mass_kg, fill_kg_per_s, most_kg };

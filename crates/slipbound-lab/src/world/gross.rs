@@ -12,8 +12,10 @@ use slipbound::plane::Vec2;
 pub struct Gross {
     /// When, on the clock of the frames, in s.
     pub time_s: f64,
-    /// The load at that time; f of a frame is its load over this one.
+    /// The load at that time; f of a frame is its load over this one, scaled to the grip of the frame.
     pub load: f64,
+    /// Normal force of the finger at that time, in N.
+    pub grip_force_n: f64,
     /// Pose of the object.
     pub pose: Pose,
 }
@@ -77,7 +79,7 @@ impl GrossWatch {
         self.friction_used
     }
 
-    /// Processes a substep; whether this is the first of gross slip.
+    /// Processes a substep; whether gross slip was found in it. On a bend it began two frames before.
     pub fn see(&mut self, finger: &Finger, path_s: f64, time_s: f64, load: f64) -> bool {
         let truth = finger.truth();
         let loaded = self.load_from_s.is_some_and(|from_s| path_s > from_s + 1e-9) && load > 0.0;
@@ -90,7 +92,7 @@ impl GrossWatch {
         let shift_mm = (truth.pose.position_mm - began.position_mm).length();
         let rim_mm = shift_mm + RIM_MM * (truth.pose.turn_rad - began.turn_rad).abs();
         let is_runaway = self.pulled && rim_mm >= RUNAWAY_MM;
-        let now = Gross { time_s, load, pose: truth.pose };
+        let now = Gross { time_s, load, grip_force_n: truth.grip_force_n, pose: truth.pose };
         let is_full_slip =
             self.may_bend && truth.stick_ratio.is_some_and(|stick_ratio| stick_ratio <= FULL_SLIP_STICK_RATIO);
         self.full_slip = is_full_slip.then(|| self.full_slip.map_or((now, 1), |(since, count)| (since, count + 1)));

@@ -14,7 +14,7 @@ pub const TRUTH_FORMAT_VERSION: u32 = 1;
 pub struct TimedEvent {
     /// What.
     pub event: Event,
-    /// Time on the clock of the frames, in s.
+    /// Time on the clock of the frames, in s; that of gross slip is [`Gross::time_s`].
     pub time_s: f64,
 }
 
@@ -38,7 +38,8 @@ pub struct FrameTruth {
     pub frame: u64,
     /// Time of its exposure, in ns.
     pub time_ns: u64,
-    /// Where the object is.
+    /// Where the object's reference point is and how it is turned. Rolling is not in it: the contact then moves while the
+    /// skin of the object stays where it touched.
     pub pose: Pose,
     /// Normal force of this finger, in N.
     pub grip_force_n: f64,
@@ -77,11 +78,12 @@ pub struct FrameTruth {
     pub object_strain_fraction: f64,
     /// Whether gel or object strain beyond [`LINEAR_STRAIN`]: a real one would behave differently.
     pub beyond_linear: bool,
-    /// Whether the contact reaches the border of the pad.
+    /// Whether the contact reaches the border of the pad: of the grid, or the rounded edge of a gel that ends before it.
     pub at_border: bool,
     /// Whether both solvers met their tolerance in the last substep.
     pub converged: bool,
-    /// Events since the frame before.
+    /// Events since the frame before; in a recording, since the last one that was not dropped. Gross slip on a bend is
+    /// confirmed after two frames, and moved to the frame that shows it by [`complete`].
     pub events: Vec<TimedEvent>,
     /// Of every marker: displacement along x, along y and into the gel in mm, then its position in the image as
     /// delivered by the camera, x and y in px. Rounded to 0.1 um and 0.0001 px.
@@ -170,15 +172,28 @@ pub struct TruthHeader {
 }
 
 /// Fills in load fraction and margin, once gross slip is known or the trial has ended. The load at which an object slides
-/// is proportional to the grip: f is the load over the one that would slide at the grip of its own frame.
+/// is proportional to the grip: f is the load over the one that would slide at the grip of its own frame. The event of
+/// gross slip moves to the first frame that shows it.
 pub fn complete(truths: &mut [FrameTruth], gross: Option<Gross>) {
-    let shown = gross.and_then(|gross| truths.iter().find(|truth| gross.is_shown_at(truth.time_ns as f64 * 1e-9)));
-    let gross_grip_n = shown.or(truths.last()).map_or(f64::NAN, |truth| truth.grip_force_n);
+    if let Some(gross) = gross {
+        move_event(truths, &gross);
+    }
     for truth in truths {
         let gross_load = gross.filter(|_| truth.grip_force_n > 0.0);
-        let gross_load = gross_load.map(|gross| gross.load * (truth.grip_force_n / gross_grip_n));
+        let gross_load = gross_load.map(|gross| gross.load * (truth.grip_force_n / gross.grip_force_n));
         truth.load_fraction = truth.load.zip(gross_load).map(|(load, gross_load)| load / gross_load);
         truth.margin = truth.load_fraction.map(|fraction| 1.0 - fraction);
+    }
+}
+
+fn move_event(truths: &mut [FrameTruth], gross: &Gross) {
+    let Some(from) = truths.iter().position(|truth| truth.saw(Event::Gross)) else { return };
+    let Some(to) = truths.iter().position(|truth| gross.is_shown_at(truth.time_ns as f64 * 1e-9)) else { return };
+    if to < from {
+        let gross_event = |timed: &mut TimedEvent| timed.event == Event::Gross;
+        let moved: Vec<TimedEvent> = truths[from].events.extract_if(.., gross_event).collect();
+        truths[to].events.extend(moved);
+        truths[to].events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     }
 }
 
