@@ -72,10 +72,11 @@ impl Pattern {
             (0..image_cells.rows).map(|y| image_cells.centre_px(y * image_cells.columns).y).collect();
         let mut free = vec![1; count];
         for &marker in rest_px {
-            // Within this square; a cell beyond it is not covered.
+            // A cell outside this square is not covered.
+            let half_px = mask_px + 1.0;
             let near = |px: &[f64], at: f64| {
-                let first = px.partition_point(|&px| px < at - mask_px);
-                first..px.partition_point(|&px| px <= at + mask_px)
+                let first = px.partition_point(|&px| px < at - half_px);
+                first..px.partition_point(|&px| px <= at + half_px)
             };
             for y in near(&rows_px, marker.y) {
                 for x in near(&columns_px, marker.x) {
