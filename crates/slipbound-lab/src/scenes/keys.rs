@@ -88,6 +88,9 @@ pub const COMMON_KEYS: &[Key] = &[
     Key { name: "fault", what: "faults, as drop=0.02,torn=0.01", kind: Kind::Faults, default: "none" },
 ];
 
+/// Fastest rotation of a scene, in deg/s.
+pub(super) const MOST_DEG_PER_S: f64 = 720.0;
+
 /// Keys that some scenes take.
 pub const SCENE_KEYS: &[Key] = &[
     number("hold_s", 0.05, 36_000.0, "", "how long it is held"),
@@ -95,7 +98,7 @@ pub const SCENE_KEYS: &[Key] = &[
     number("direction_deg", -360.0, 360.0, "", "to where: 0 along the finger, 90 across it"),
     number("speed_mm_per_s", 0.05, 200.0, "", "how fast"),
     number("angle_deg", -180.0, 180.0, "", "how far it is turned, positive from x to y"),
-    number("speed_deg_per_s", 0.5, super::library::MOST_DEG_PER_S, "", "how fast it is turned"),
+    number("speed_deg_per_s", 0.5, MOST_DEG_PER_S, "", "how fast it is turned"),
     number("twist_fraction", -1.0, 1.0, "", "0 pulls only, 1 turns only, -1 turns back"),
     number("ramp_s", 0.05, 120.0, "", "time until the load would make it slide"),
     number("peak_fraction", 0.01, 8.0, "", "load at which the ramp ends, as a share of that"),

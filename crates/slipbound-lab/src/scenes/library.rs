@@ -1,5 +1,6 @@
 //! The scenes.
 
+use super::keys::MOST_DEG_PER_S;
 use super::load_profile::{LoadProfile, Pull};
 use super::parameters::Parameters;
 use super::scene::Scene;
@@ -188,9 +189,6 @@ fn twist(set: &Parameters) -> Result<LoadProfile, SettingError> {
     let seconds_s = (angle_deg.abs() / set.number("speed_deg_per_s")).max(1.0 / 30.0);
     moved(set, Vec2::ZERO, angle_deg.to_radians(), seconds_s)
 }
-
-/// Fastest rotation, in deg/s: the limit of `speed_deg_per_s`.
-pub(super) const MOST_DEG_PER_S: f64 = 720.0;
 
 fn shear_and_twist(set: &Parameters) -> Result<LoadProfile, SettingError> {
     let (shift_mm, seconds_s) = way(set);
