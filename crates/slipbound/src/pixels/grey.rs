@@ -143,10 +143,15 @@ fn four_products(weights_65536ths: [u32; 3]) -> [(u8, u32); 4] {
     four
 }
 
+/// How far ahead a frame is fetched, bytes: it comes from a camera or a decoder and is not in the nearer caches.
+#[cfg(target_arch = "x86_64")]
+const AHEAD_BYTES: usize = 3072;
+
 /// Compilers vectorise three bytes per pixel poorly: explicit intrinsics take half the time.
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
-    use super::four_products;
+    use super::{AHEAD_BYTES, four_products};
+    use crate::pixels::lanes::prefetch;
     use std::arch::x86_64::*;
 
     /// Pixels per round, and the bytes it reads: the last eight pixels are read with four bytes to spare.
@@ -187,6 +192,7 @@ mod avx2 {
         let mut at = 0;
         while at + PIXELS <= out.len() && 3 * at + READ_BYTES <= row.len() {
             let bytes = &row[3 * at..][..READ_BYTES];
+            (0..3 * PIXELS).step_by(64).for_each(|line| prefetch(bytes, AHEAD_BYTES + line));
             let mut eights = [_mm256_setzero_si256(); 4];
             for (k, eight) in eights.iter_mut().enumerate() {
                 let pixels = load(&bytes[24 * k..], &bytes[24 * k + 12..]);
@@ -237,8 +243,8 @@ mod avx2 {
 /// as they are made.
 #[cfg(target_arch = "x86_64")]
 mod avx512 {
-    use super::four_products;
-    use crate::pixels::lanes::{load, store};
+    use super::{AHEAD_BYTES, four_products};
+    use crate::pixels::lanes::{load, prefetch, store};
     use std::arch::x86_64::*;
 
     /// Pixels per round, and the bytes it reads: each sixteen pixels are read with sixteen bytes to spare.
@@ -287,6 +293,7 @@ mod avx512 {
         let mut done = 0;
         for out in rounds {
             let Some(bytes) = row.get(3 * done..).and_then(|row| row.first_chunk::<READ_BYTES>()) else { break };
+            (0..3 * PIXELS).step_by(64).for_each(|line| prefetch(bytes, AHEAD_BYTES + line));
             let mut sums = [half; 4];
             for (k, sum) in sums.iter_mut().enumerate() {
                 let Some(pixels) = bytes[48 * k..].first_chunk() else { break };

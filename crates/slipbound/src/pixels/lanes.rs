@@ -6,6 +6,16 @@ use std::arch::x86_64::*;
 /// Numbers per vector.
 pub(super) const LANES: usize = 16;
 
+/// Fetches the 64 bytes `ahead` of the start of some bytes towards the caches, if there are any.
+#[inline]
+pub(super) fn prefetch(bytes: &[u8], ahead: usize) {
+    // SAFETY: a hint, which reads nothing and never faults, wherever it points.
+    #[allow(unsafe_code)]
+    unsafe {
+        _mm_prefetch::<_MM_HINT_T0>(bytes.as_ptr().wrapping_add(ahead).cast());
+    }
+}
+
 /// Sixteen bytes.
 #[inline]
 #[target_feature(enable = "avx2")]

@@ -50,9 +50,8 @@ pub(super) enum TemplateMatch {
 impl MarkerTemplates {
     pub(super) fn new(sensor: &Sensor, grey: &[u8], markers: &[RestMarker]) -> Self {
         let (size, pitch_px) = (sensor.rectified_px(), sensor.pitch_px);
-        let window = Window::new(REACH_PITCH * pitch_px);
-        let dark = profile(grey, size, markers, sensor.marker_diameter_px);
-        let templates = markers.iter().map(|m| window.learn(grey, size, m.position, &dark)).collect();
+        let window = Window::new(REACH_PITCH * pitch_px, profile(grey, size, markers, sensor.marker_diameter_px));
+        let templates = markers.iter().map(|m| window.learn(grey, size, m.position)).collect();
         MarkerTemplates {
             window,
             templates,
