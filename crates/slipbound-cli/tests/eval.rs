@@ -72,6 +72,7 @@ fn arguments_that_cannot_be_are_refused_by_name() {
         (&["slides", "--left-out", "trees"], "--left-out: expected with `ramps` only, got slides"),
         (&["ramps", "--left-out", "trees"], "trees/tape_roll.txt: "),
         (&["unseen", "--ramp-s", "8"], "--ramp-s: expected with `ramps` only, got unseen"),
+        (&["slides", "--rate-hz", "90"], "--rate-hz: expected with `ramps` only, got slides"),
         (&["ramps", "--ramp-s", "NaN"], "expected 0.05 to 120 s, got NaN"),
     ] {
         let (code, _, err) = run(dir.path(), arguments);
@@ -82,11 +83,13 @@ fn arguments_that_cannot_be_are_refused_by_name() {
 #[test]
 fn ramps_take_as_long_as_they_are_told_to() {
     let dir = tempfile::tempdir().expect("a folder");
-    let base = ["ramps", "--trials", "1", "--detector", "ours", "--pictures", "0", "--ramp-s"];
+    let base = ["ramps", "--trials", "1", "--detector", "ours", "--pictures", "0", "--rate-hz", "60", "--ramp-s"];
     let (code, _, err) = run(dir.path(), &[&base[..], &["0.2", "-o", "fast"]].concat());
     assert_eq!((code, err.as_str()), (Some(0), ""));
     let record = fs::read_to_string(dir.path().join("fast/trials.jsonl")).expect("a record");
-    assert_eq!(serde_json::from_str::<serde_json::Value>(&record).expect("JSON")["ramp_s"], 0.2);
+    let record: serde_json::Value = serde_json::from_str(&record).expect("JSON");
+    assert_eq!(record["ramp_s"], 0.2);
+    assert!(record["trial"].as_str().is_some_and(|trial| trial.contains("&rate_hz=60&")), "{record}");
     // The duration is a setting of the sweep: others do not go on in its folder, and a merge keeps it.
     let (code, _, err) = run(dir.path(), &[&base[..], &["0.3", "-o", "fast"]].concat());
     assert!(code == Some(2) && err.contains("fast/sweep.json: sweep.settings: expected {"), "{err}");
@@ -99,6 +102,8 @@ fn ramps_take_as_long_as_they_are_told_to() {
     assert_eq!(before, after);
     let (code, _, err) = merge(&["--ramp-s", "0.3"], "contradicted");
     assert!(code == Some(2) && err.contains("merge --ramp-s: expected that of the sweep or none, got 0.3"), "{err}");
+    let (code, _, err) = merge(&["--rate-hz", "30"], "contradicted");
+    assert!(code == Some(2) && err.contains("merge --rate-hz: expected that of the sweep or none, got 30"), "{err}");
 }
 
 #[test]

@@ -2,11 +2,11 @@
 //! truth.
 //!
 //! ```text
-//!   Trial --> LoadProfile --> Finger (contact, 120 steps a second) --> Renderer (30 frames a second) --> JPEG --> frame
+//!   Trial --> LoadProfile --> Finger (contact, 120 steps a second) --> Renderer (`rate_hz`, 30 frames a second) --> JPEG --> frame
 //!                               `--------------------------------------------------> FrameTruth
 //! ```
 //!
-//! Frame n shows the finger at n/30 s by the world's own clock ([`Clock::Device`]). The exposure is instantaneous, so
+//! Frame n shows the finger at n/30 s (n/`rate_hz`) by the world's own clock ([`Clock::Device`]). The exposure is instantaneous, so
 //! that time is its middle. Frames before the object touches show the finger at rest. A frame is encoded as JPEG and
 //! decoded again, so a live run sees the same pixels as a recording of it.
 //!
@@ -35,10 +35,11 @@ use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
 use slipbound::sensor::Sensor;
 use slipbound::setting::SettingError;
 
-/// Frames per second.
+/// Frames per second, unless a trial has its own `rate_hz`.
 pub const FRAME_RATE_HZ: u64 = 30;
 
-/// Steps of the contact between two frames.
+/// Steps of the contact between two of these frames. Between frames that come faster there are fewer, so that a step is
+/// never longer.
 pub const SUBSTEPS_COUNT: u64 = 4;
 
 /// How far an object that is pulled may slide after gross slip before the trial ends, in mm. Beyond that it only leaves
@@ -57,6 +58,8 @@ pub struct World {
     rest_frames: u64,
     frames_count: u64,
     next_frame: u64,
+    rate_hz: u64,
+    substeps_count: u64,
     least_after_gross_frames: u64,
     steps_count: u64,
     /// The wrench of full slip when a ramp begins.
@@ -80,6 +83,8 @@ impl World {
     /// The same with another load profile than the scene's, and with other physics than the object's and the standard
     /// gel's.
     pub fn with(trial: &Trial, profile: LoadProfile, physics: &Physics) -> Result<Self, SettingError> {
+        let rate_hz = trial.number("rate_hz") as u64;
+        let substeps_count = (FRAME_RATE_HZ * SUBSTEPS_COUNT).div_ceil(rate_hz);
         let object = physics.object.unwrap_or(*trial.object());
         let grid = if trial.word("grid") == "fast" { Grid::fast() } else { Grid::standard() };
         let camera = CameraSettings::of_words(trial.word("camera"), trial.word("surroundings"));
@@ -89,7 +94,7 @@ impl World {
             gel: physics.gel,
             soft_object: physics.softness.or(object.softness),
             friction: physics.friction.unwrap_or(Friction::constant(trial.mu())),
-            substep_s: 1.0 / (FRAME_RATE_HZ * SUBSTEPS_COUNT) as f64,
+            substep_s: 1.0 / (rate_hz * substeps_count) as f64,
             ..FingerSettings::standard()
         };
         let start = Pose {
@@ -98,13 +103,15 @@ impl World {
         };
         let surface = object.surface();
         check_place(&grid, &start, &surface)?;
+        let gross =
+            GrossWatch::new(profile.load_from_s, profile.pull != Pull::None, profile.may_bend(), settings.substep_s);
         let finger = Finger::new(settings, surface)?;
         let camera = Renderer::new(camera, trial.seed);
         let size = camera.size();
         let rest_frames = trial.number("rest_frames") as u64;
-        let moving_frames = (profile.path.seconds_s() * FRAME_RATE_HZ as f64 - 1e-9).ceil() as u64;
+        let moving_frames = (profile.path.seconds_s() * rate_hz as f64 - 1e-9).ceil() as u64;
         let mut world = World {
-            gross: GrossWatch::new(profile.load_from_s, profile.pull != Pull::None, profile.may_bend()),
+            gross,
             frames_count: rest_frames + moving_frames,
             codec: Codec::new(size, trial.number("jpeg_quality") as u8),
             rgb: vec![0; 3 * size.area()],
@@ -117,6 +124,8 @@ impl World {
             camera,
             rest_frames,
             next_frame: 0,
+            rate_hz,
+            substeps_count,
             least_after_gross_frames: 0,
             steps_count: 0,
             full_slip: None,
@@ -185,7 +194,7 @@ impl World {
         self.next_frame += 1;
         self.events_before_count = self.events.len();
         if frame >= self.rest_frames {
-            for _ in 0..SUBSTEPS_COUNT {
+            for _ in 0..self.substeps_count {
                 self.substep()?;
             }
         }
@@ -244,7 +253,7 @@ impl World {
 
     /// The same on the clock of the frames.
     fn clock_s(&self, path_s: f64) -> f64 {
-        path_s + (self.rest_frames - 1) as f64 / FRAME_RATE_HZ as f64
+        path_s + (self.rest_frames - 1) as f64 / self.rate_hz as f64
     }
 
     fn substep(&mut self) -> Result<(), SettingError> {
@@ -265,7 +274,7 @@ impl World {
         self.note_events(time_s);
         let is_found = self.gross.see(&self.finger, now_s, time_s, self.load);
         if let Some(gross) = self.gross.found().filter(|_| is_found) {
-            // On a curved path gross slip is confirmed two frames after it began.
+            // On a curved path gross slip is confirmed some time after it began.
             self.events.push(TimedEvent { event: Event::Gross, time_s: gross.time_s });
         }
         Ok(())
@@ -312,7 +321,7 @@ impl World {
     }
 
     fn is_over(&self) -> bool {
-        let shown_frame = |gross: Gross| (gross.time_s * FRAME_RATE_HZ as f64 - 1e-9).ceil() as u64;
+        let shown_frame = |gross: Gross| (gross.time_s * self.rate_hz as f64 - 1e-9).ceil() as u64;
         let last_frame = self.gross.found().map(|gross| shown_frame(gross) + self.least_after_gross_frames);
         last_frame.is_none_or(|last_frame| self.next_frame > last_frame) && self.has_slid_away()
     }
@@ -335,7 +344,7 @@ impl World {
             let px = self.camera.marker_px(n, &surface);
             [moved.shift_mm.x, moved.shift_mm.y, moved.depth_mm, px.x, px.y]
         });
-        let time_ns = (frame * 1_000_000_000 + FRAME_RATE_HZ / 2) / FRAME_RATE_HZ;
+        let time_ns = (frame * 1_000_000_000 + self.rate_hz / 2) / self.rate_hz;
         let mut truth = FrameTruth::of(&self.finger, frame, time_ns, markers);
         truth.friction_used_fraction = self.gross.friction_used_fraction();
         truth.load = self.profile.load_from_s.map(|_| self.load);

@@ -193,6 +193,29 @@ fn a_pull_lets_go_at_mu_p_and_f_grows_evenly_to_it() {
 }
 
 #[test]
+fn a_faster_camera_sees_the_same_ramp_three_times_as_often() {
+    let ramp = |rate_hz: u64| {
+        // So many frames at rest that the object touches at the same time.
+        let rest_frames = 4 * rate_hz / 30 + 1;
+        let scene = "ramp?grid=fast&object=tape_roll&force_n=20&mu=0.6&ramp_s=0.4&twist_fraction=0.4";
+        run(&format!("{scene}&rate_hz={rate_hz}&rest_frames={rest_frames}"))
+    };
+    let ((slow, slow_gross), (fast, fast_gross)) = (ramp(30), ramp(90));
+    let [slow_gross, fast_gross] = [slow_gross, fast_gross].map(|gross| gross.expect("it slides"));
+    assert!((slow_gross.time_s - fast_gross.time_s).abs() < 1.5 / 120.0, "{slow_gross:?}, {fast_gross:?}");
+    let mut compared = 0;
+    for truth in slow.iter().filter(|truth| truth.time_ns as f64 * 1e-9 < slow_gross.time_s - 0.1) {
+        let same = &fast[3 * truth.frame as usize];
+        assert!(same.time_ns.abs_diff(truth.time_ns) <= 1, "{} and {}", same.time_ns, truth.time_ns);
+        for (a, b) in [(truth.stick_ratio, same.stick_ratio), (truth.load, same.load)] {
+            assert!((a.unwrap_or(0.0) - b.unwrap_or(0.0)).abs() < 0.05, "frame {}: {a:?}, {b:?}", truth.frame);
+        }
+        compared += u32::from(truth.load.is_some_and(|load| load > 0.1));
+    }
+    assert!(compared >= 5, "{compared}");
+}
+
+#[test]
 fn gross_slip_is_seen_where_new_cells_keep_sticking() {
     // 30 N on a roll of tape at mu 0.9: cells at the leading edge stick while the object slides.
     let (_, gross) = run("ramp?grid=fast&object=tape_roll&force_n=30&ramp_s=1");

@@ -11,7 +11,7 @@ use crate::terminal::Terminal;
 use anyhow::anyhow;
 use protocol_args::{MERGE, ProtocolArgs};
 use slipbound_lab::eval::folder::{Shard, SweepFolder};
-use slipbound_lab::eval::ramps::RAMP_S;
+use slipbound_lab::eval::ramps::{RAMP_S, RATE_HZ, RampChanges};
 use slipbound_lab::eval::{Protocol, Sweep, SweepError, TrialRecord, table};
 use slipbound_lab::rivals::Entry;
 use std::path::PathBuf;
@@ -59,7 +59,8 @@ impl Eval {
             return Err(Failure::Arguments(anyhow!("{name}: expected folders with `merge` only, got {got}")));
         }
         let seed = self.asked.seed.unwrap_or(0);
-        let protocol = self.asked.protocol_of(name, seed, self.asked.trials, self.asked.refit, self.asked.ramp_s)?;
+        let asked = &self.asked;
+        let protocol = asked.protocol_of(name, seed, asked.trials, asked.refit, asked.changes())?;
         let most = protocol.trials_count();
         if let Some(trials) = self.asked.trials.filter(|&trials| trials > most) {
             return Err(Failure::Arguments(anyhow!("--trials: expected at most the {most} of {name}, got {trials}")));
@@ -131,11 +132,17 @@ impl Eval {
                 "merge: expected --left-out FOLDER, whose trees the pictures are drawn with, or --pictures 0, got neither"
             ));
         }
-        let ramp_s = sweep.settings.get(RAMP_S).and_then(|ramp_s| ramp_s.parse().ok());
-        if let Some(other) = asked.ramp_s.filter(|asked| Some(*asked) != ramp_s) {
+        let changes = RampChanges {
+            ramp_s: sweep.settings.get(RAMP_S).and_then(|ramp_s| ramp_s.parse().ok()),
+            rate_hz: sweep.settings.get(RATE_HZ).and_then(|rate_hz| rate_hz.parse().ok()),
+        };
+        if let Some(other) = asked.ramp_s.filter(|asked| Some(*asked) != changes.ramp_s) {
             return refuse(anyhow!("merge --ramp-s: expected that of the sweep or none, got {other}"));
         }
-        let protocol = asked.protocol_of(&sweep.protocol, sweep.seed, Some(sweep.trials_count), refit, ramp_s)?;
+        if let Some(other) = asked.rate_hz.filter(|asked| Some(*asked) != changes.rate_hz) {
+            return refuse(anyhow!("merge --rate-hz: expected that of the sweep or none, got {other}"));
+        }
+        let protocol = asked.protocol_of(&sweep.protocol, sweep.seed, Some(sweep.trials_count), refit, changes)?;
         for (key, now) in protocol.settings() {
             if let Some(then) = sweep.settings.get(&key).filter(|then| **then != now) {
                 return refuse(anyhow!("merge: {key}: expected that of the sweep, {then}, got {now}"));

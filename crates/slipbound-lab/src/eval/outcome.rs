@@ -1,12 +1,11 @@
 //! From the results of a detector under a growing load to its record: in time, false, late, missed; how accurate.
 
-use super::ground_truth::{GroundTruth, kind_of_motion};
+use super::ground_truth::kind_of_motion;
 use super::record::TrialRecord;
 use super::stated_error::{Deviation, ESTIMATES, mean_size, rms, with_stated};
 use super::statistics::quantile;
 use super::watch::{Seen, Watched};
 use crate::rivals::Entry;
-use crate::world::FRAME_RATE_HZ;
 use slipbound::monitor::{SlipKind, SlipState};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -22,8 +21,8 @@ const FRICTION_FROM_FRACTION: f64 = 0.3;
 /// A load fraction below which a report of `gross` is false.
 pub(super) const GROSS_FROM_FRACTION: f64 = 0.8;
 
-/// Number of frames with steady grip that a frame needs to be scored: 0.2 s.
-const STEADY_FRAMES: usize = FRAME_RATE_HZ as usize / 5;
+/// Time with steady grip that a frame needs to be scored: 0.2 s, as frames per s.
+const STEADY_PER_S: u64 = 5;
 
 /// Key of the highest score of the counted frames at f < 0.2, at which no alarm must be raised.
 pub const SCORE_BELOW: &str = "score_below_f_0.2";
@@ -212,15 +211,17 @@ fn with_gross(record: TrialRecord, watched: &Watched, seen: &[Seen], f: &[f64]) 
     let later = || (true_first + 1..truth.len()).filter(|&n| n > began && truth[n].slides);
     record
         .with("gross_delay_frames", true_first as i64 - began as i64)
+        .with("gross_delay_ms", 1e3 * (true_first as f64 - began as f64) / watched.rate_hz as f64)
         .with("gross_delay_mm", if true_first > began { slid_mm } else { 0.0 })
         .with("gross_later_frames", later().count())
         .with("gross_kept_frames", later().filter(reports_gross).count())
 }
 
 /// Whether the grip has been steady long enough for a frame to be scored.
-fn is_steady(truth: &[GroundTruth], n: usize) -> bool {
+fn is_steady(watched: &Watched, n: usize) -> bool {
+    let (truth, frames) = (&watched.truth, watched.rate_hz.div_ceil(STEADY_PER_S) as usize);
     let now_n = truth[n].grip_n;
-    n >= STEADY_FRAMES && truth[n - STEADY_FRAMES..n].iter().all(|f| (f.grip_n - now_n).abs() <= 0.005 * now_n)
+    n >= frames && truth[n - frames..n].iter().all(|f| (f.grip_n - now_n).abs() <= 0.005 * now_n)
 }
 
 /// Accuracy of the reported estimates, over the scored frames before gross slip.
@@ -235,7 +236,7 @@ fn with_estimates(
     let Some(gross) = watched.gross else { return record };
     let is_before = |n: usize| !gross.is_shown_at(truth[n].time_s);
     let under_load = || (0..truth.len()).filter(|&n| truth[n].frame >= watched.load_from_frame && is_before(n));
-    let scored = || under_load().filter(|&n| f[n] >= SCORED_FROM_FRACTION && is_steady(truth, n));
+    let scored = || under_load().filter(|&n| f[n] >= SCORED_FROM_FRACTION && is_steady(watched, n));
     let Some(at_gross) = truth.iter().find(|truth| gross.is_shown_at(truth.time_s)) else { return record };
     let stick: Vec<Deviation> =
         scored().filter_map(|n| Some(Deviation::of(seen[n].estimates.stick_ratio?, truth[n].stick_ratio?))).collect();
@@ -306,6 +307,7 @@ fn with_slip(record: TrialRecord, watched: &Watched, seen: &[Seen], alarm: Optio
 
 #[cfg(test)]
 mod tests {
+    use super::super::ground_truth::GroundTruth;
     use super::*;
     use crate::rivals::DETECTORS;
     use crate::world::Gross;
@@ -329,7 +331,7 @@ mod tests {
             }
         });
         let gross = slips.then(|| Gross { time_s: 1.0, load: 1.0, grip_force_n: 10.0, pose: Default::default() });
-        let watched = Watched { truth: truth.collect(), gross, load_from_frame: 10, seen: Vec::new() };
+        let watched = Watched { truth: truth.collect(), gross, load_from_frame: 10, rate_hz: 30, seen: Vec::new() };
         let scored_trial =
             ScoredTrial { number: 0, trial: "t".into(), object: "o".into(), slips, from_frame: 10, mu: Some(0.8) };
         (scored_trial, watched)

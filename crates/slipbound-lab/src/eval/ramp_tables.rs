@@ -4,7 +4,7 @@ use super::outcome::{FALSE_BELOW_FRACTION, GROSS_FALSE, Outcome, SCORE_BELOW, le
 use super::record::TrialRecord;
 use super::statistics::{Estimated, auc, mean, median, quantile, share, share_of};
 use super::table::{Cell, Table};
-use super::watch::GROSS_WITHIN_FRAMES;
+use super::watch::{GROSS_WITHIN_FRAMES, GROSS_WITHIN_MS};
 use crate::rivals::DETECTORS;
 
 /// A part of the records: its name and whether a record is in it.
@@ -180,9 +180,18 @@ fn direction_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
 fn gross_table(prefix: &str) -> Table {
     Table::new(
         &format!("{prefix}Gross"),
-        "Reported: share of the ramps with a report of gross slip; they go on for two frames after it, and until the object has slid by 3 mm. Delay \
+        "Reported: share of the ramps with a report of gross slip; they go on for 67 ms after it, and until the object has slid by 3 mm. Delay \
          from the first frame after gross slip. False: reported below f 0.8.",
-        &["detector", "ramps", "reported %", "delay frames, median", "within 2 frames %", "kept %", "false %"],
+        &[
+            "detector",
+            "ramps",
+            "reported %",
+            "delay frames, median",
+            "within 2 frames %",
+            "within 67 ms %",
+            "kept %",
+            "false %",
+        ],
     )
 }
 
@@ -192,6 +201,7 @@ pub(super) fn gross_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
     let sum = |key: &str| numbers(all, key).iter().sum::<f64>() as u64;
     // A ramp in which it was never reported is not within two frames.
     let within = delays.iter().filter(|&&delay| delay <= GROSS_WITHIN_FRAMES as f64).count() as u64;
+    let soon = numbers(all, "gross_delay_ms").iter().filter(|&&delay_ms| delay_ms <= GROSS_WITHIN_MS).count() as u64;
     let wrong = all.iter().filter(|r| r.flag_of(GROSS_FALSE) == Some(true)).count() as u64;
     vec![
         name.into(),
@@ -199,6 +209,7 @@ pub(super) fn gross_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
         Cell::Share(share(delays.len() as u64, all.len() as u64)),
         Cell::Number(median(&delays), 1),
         Cell::Share(share(within, all.len() as u64)),
+        Cell::Share(share(soon, all.len() as u64)),
         Cell::Share(share(sum("gross_kept_frames"), sum("gross_later_frames"))),
         Cell::Share(share(wrong, all.len() as u64)),
     ]

@@ -125,14 +125,24 @@ pub(super) fn records(number: u64, name: &str, trial: &Trial, mu: Option<f64>, w
 
 /// Setting of a sweep whose ramps all take this long, s.
 pub const RAMP_S: &str = "ramp_s";
+/// Setting of a sweep whose cameras give so many frames per second.
+pub const RATE_HZ: &str = "rate_hz";
+
+/// How the ramps of a sweep differ from the drawn ones.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct RampChanges {
+    /// Duration of all ramps, s; None: as drawn.
+    pub ramp_s: Option<f64>,
+    /// Frames per second; None: 30.
+    pub rate_hz: Option<u64>,
+}
 
 /// The protocol.
 #[derive(Debug)]
 pub struct Ramps {
     seed: u64,
     trials_count: u64,
-    /// Duration of all ramps; None: as drawn.
-    ramp_s: Option<f64>,
+    changes: RampChanges,
     /// Trees by object, fitted without it.
     left_out: Option<BTreeMap<&'static str, EstimateTrees>>,
     /// Digest of their tables.
@@ -146,12 +156,12 @@ impl Ramps {
     /// The ramps of a seed.
     pub fn new(seed: u64, trials: Option<u64>) -> Self {
         let trials_count = trials.unwrap_or(TRIALS_COUNT);
-        Ramps { seed, trials_count, ramp_s: None, left_out: None, tables: String::new() }
+        Ramps { seed, trials_count, changes: RampChanges::default(), left_out: None, tables: String::new() }
     }
 
-    /// The same ramps, all of one duration: whether a verdict depends on the rate of the load.
-    pub fn all_of_s(self, ramp_s: f64) -> Self {
-        Ramps { ramp_s: Some(ramp_s), ..self }
+    /// The same ramps, changed: whether a verdict depends on the rate of the load or of the frames.
+    pub fn changed(self, changes: RampChanges) -> Self {
+        Ramps { changes, ..self }
     }
 
     /// Each object is judged by trees that were fitted without it; `table` gives for an object's name the text of the
@@ -179,7 +189,9 @@ impl Ramps {
 
     pub(super) fn trial(&self, number: u64) -> Result<Trial, EvalError> {
         let drawn = draw(self.seed, number);
-        Ok(Draw { ramp_s: self.ramp_s.unwrap_or(drawn.ramp_s), ..drawn }.trial(self.seed, number, "")?)
+        let drawn = Draw { ramp_s: self.changes.ramp_s.unwrap_or(drawn.ramp_s), ..drawn };
+        let rate = self.changes.rate_hz.map(|rate_hz| format!("&rate_hz={rate_hz}"));
+        Ok(drawn.trial(self.seed, number, &rate.unwrap_or_default())?)
     }
 }
 
@@ -244,7 +256,8 @@ impl Protocol for Ramps {
 
     fn settings(&self) -> Vec<(String, String)> {
         let mut settings = vec![Restarts::Rivals.setting()];
-        settings.extend(self.ramp_s.map(|ramp_s| (RAMP_S.into(), ramp_s.to_string())));
+        settings.extend(self.changes.ramp_s.map(|ramp_s| (RAMP_S.into(), ramp_s.to_string())));
+        settings.extend(self.changes.rate_hz.map(|rate_hz| (RATE_HZ.into(), rate_hz.to_string())));
         if self.left_out.is_some() {
             settings.push(("estimates".into(), "each object by trees fitted without it".into()));
             settings.push(("trees".into(), self.tables.clone()));
@@ -287,20 +300,25 @@ mod tests {
         assert_ne!(others.settings(), ramps.settings());
     }
 
-    /// Nothing else changes with the duration, so that sweeps of two durations can be compared ramp by ramp.
+    /// Nothing else changes with the duration or the frame rate, so that sweeps can be compared ramp by ramp.
     #[test]
-    fn ramps_of_one_duration_differ_from_the_drawn_ones_in_nothing_else() {
-        let (drawn, slow) = (Ramps::new(5, None), Ramps::new(5, None).all_of_s(8.0));
-        for number in 0..20 {
-            let [drawn, slow] = [&drawn, &slow].map(|ramps| ramps.trial(number).expect("a trial"));
-            assert_eq!(slow.number("ramp_s"), 8.0);
-            let without = |trial: &Trial| {
-                let text = trial.to_string();
-                text.split('&').filter(|part| !part.starts_with("ramp_s=")).collect::<Vec<_>>().join("&")
-            };
-            assert_eq!(without(&drawn), without(&slow));
+    fn changed_ramps_differ_from_the_drawn_ones_in_nothing_else() {
+        let drawn = Ramps::new(5, None);
+        let slow = RampChanges { ramp_s: Some(8.0), ..RampChanges::default() };
+        let fast = RampChanges { rate_hz: Some(90), ..RampChanges::default() };
+        for (changes, key, value) in [(slow, "ramp_s", 8.0), (fast, "rate_hz", 90.0)] {
+            let changed = Ramps::new(5, None).changed(changes);
+            for number in 0..20 {
+                let [drawn, changed] = [&drawn, &changed].map(|ramps| ramps.trial(number).expect("a trial"));
+                assert_eq!(changed.number(key), value);
+                let without = |trial: &Trial| {
+                    let text = trial.to_string();
+                    text.split('&').filter(|part| !part.starts_with(key)).collect::<Vec<_>>().join("&")
+                };
+                assert_eq!(without(&drawn), without(&changed));
+            }
+            assert_ne!(drawn.settings(), changed.settings(), "another sweep");
         }
-        assert_ne!(drawn.settings(), slow.settings(), "another sweep");
     }
 
     #[test]

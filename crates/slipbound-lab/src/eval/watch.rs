@@ -15,8 +15,10 @@ use slipbound::monitor::{EstimateTrees, RestBuilder, RestKind, Settings, SlipMon
 use slipbound::port::{FrameBuffer, FrameSource, GripSample, Next};
 use slipbound::sensor::{Sensor, Shear};
 
-/// Frames within which `gross` should be reported. Until then no trial ends because its object has slid away.
+/// Frames within which `gross` should be reported, and these at 30 Hz as a time, ms. Until then no trial ends because its
+/// object has slid away.
 pub(super) const GROSS_WITHIN_FRAMES: u64 = 2;
+pub(super) const GROSS_WITHIN_MS: f64 = 66.7;
 
 /// Model of a gripper's force reading: delayed, noisy, quantised.
 ///
@@ -108,10 +110,15 @@ impl Watch {
         }
     }
 
+    /// Frames per second of the trial.
+    fn rate_hz(&self) -> u64 {
+        self.trial.number("rate_hz") as u64
+    }
+
     /// Number of the first frame under load: the first after the grip has settled.
     pub fn load_from_frame(&self) -> u64 {
         let gripped_s = self.trial.number("press_s") + self.trial.number("settle_s");
-        self.trial.number("rest_frames") as u64 + (gripped_s * FRAME_RATE_HZ as f64 + 1e-6).floor() as u64
+        self.trial.number("rest_frames") as u64 + (gripped_s * self.rate_hz() as f64 + 1e-6).floor() as u64
     }
 }
 
@@ -137,6 +144,8 @@ pub struct Watched {
     pub gross: Option<Gross>,
     /// Number of the first frame under load: the first after the grip has settled.
     pub load_from_frame: u64,
+    /// Frames per second.
+    pub rate_hz: u64,
     /// By detector, as many frames as in the ground truth.
     pub seen: Vec<(&'static Entry, Vec<Seen>)>,
 }
@@ -196,7 +205,8 @@ pub fn watch(
         None => trial.load_profile()?,
     };
     let mut world = World::with(trial, profile, &watch.physics)?;
-    world.go_on_after_gross(GROSS_WITHIN_FRAMES);
+    let rate_hz = watch.rate_hz();
+    world.go_on_after_gross((GROSS_WITHIN_FRAMES * rate_hz).div_ceil(FRAME_RATE_HZ));
     let sensor = configured_sensor(&world, watch.stiffness_scale);
     let rest_frames = trial.number("rest_frames") as u64;
     let load_from_frame = watch.load_from_frame();
@@ -206,7 +216,7 @@ pub fn watch(
     }
     let mut readings = Random::of(trial.seed, 0x6121);
     let mut grip_sample = watch.reading.of(0.0, &mut readings);
-    let mut watched = Watched { load_from_frame, ..Watched::default() };
+    let mut watched = Watched { load_from_frame, rate_hz, ..Watched::default() };
     let mut frame = FrameBuffer::default();
     let mut stills = watch.stills.iter().copied().peekable();
     let (mut still_count, mut standing, mut left) = (0u64, 0u64, None);
@@ -221,7 +231,7 @@ pub fn watch(
             standing = count;
         }
         frame.seq = world.truth().frame + still_count;
-        frame.time_ns = Some(frame.seq * 1_000_000_000 / FRAME_RATE_HZ);
+        frame.time_ns = Some(frame.seq * 1_000_000_000 / rate_hz);
         for group in &mut groups {
             let report = group.see(&frame, grip_sample)?;
             if let Some((name, look)) = &mut onlooker
@@ -234,7 +244,11 @@ pub fn watch(
             }
         }
         watched.truth.push(ground_truth(&world, frame.seq));
-        grip_sample = watch.reading.of(world.truth().grip_force_n, &mut readings);
+        // The next frame's reading, unless the link of 30 Hz repeats it.
+        let sent = |seq: u64| seq * FRAME_RATE_HZ / rate_hz;
+        if sent(frame.seq + 1) > sent(frame.seq) {
+            grip_sample = watch.reading.of(world.truth().grip_force_n, &mut readings);
+        }
         left = left.map(|left: u64| left.saturating_sub(1)).or(world.gross().and(watch.frames_after_gross));
         if left == Some(0) {
             break;

@@ -69,6 +69,7 @@ pub const COMMON_KEYS: &[Key] = &[
     number("at_x_mm", -15.0, 15.0, "0", "where the object touches, along the finger"),
     number("at_y_mm", -12.0, 12.0, "0", "where the object touches, across the finger"),
     Key { name: "rest_frames", what: "frames before it touches", kind: Kind::Count(1, 3000), default: "12" },
+    Key { name: "rate_hz", what: "frames per second", kind: Kind::Count(10, 120), default: "30" },
     number("press_s", 0.05, 30.0, "0.3", "time in which it is pressed"),
     number("settle_s", 0.05, 30.0, "0.2", "time between pressing and what follows"),
     Key { name: "camera", what: "camera model", kind: Kind::Word(&["gelslim", "gelsight_mini"]), default: "gelslim" },

@@ -31,15 +31,14 @@ impl Gross {
     }
 }
 
-/// Stick ratio up to which hardly any cell sticks, and the number of substeps of that which is gross slip: two frames,
+/// Stick ratio up to which hardly any cell sticks, and the duration of that which is gross slip, s: two frames at 30 Hz,
 /// in which the load of a ramp of 2 s grows by more than is missing to the largest work.
 pub(crate) const FULL_SLIP_STICK_RATIO: f64 = 0.05;
-const FULL_SLIP_SUBSTEPS: u32 = 8;
+const FULL_SLIP_S: f64 = 2.0 / 30.0;
 
-/// A pulled object runs off when its rim moves this far in this many substeps, a frame, mm: gel that is sheared within
-/// 0.4 s moves by less.
+/// A pulled object runs off when its rim moves this far in this time, mm: gel that is sheared within 0.4 s moves by less.
 const RUNAWAY_MM: f64 = 1.5;
-const RUNAWAY_SUBSTEPS: usize = 4;
+const RUNAWAY_S: f64 = 1.0 / 30.0;
 const RIM_MM: f64 = 5.0;
 
 /// Detects gross slip.
@@ -48,8 +47,10 @@ pub(super) struct GrossWatch {
     load_from_s: Option<f64>,
     pulled: bool,
     may_bend: bool,
-    /// Poses in the substeps of the last frame, the oldest first.
-    poses: [Pose; RUNAWAY_SUBSTEPS],
+    /// Poses in the substeps of the last [`RUNAWAY_S`], the oldest first.
+    poses: Vec<Pose>,
+    /// Number of substeps in [`FULL_SLIP_S`].
+    full_slip_count: u32,
     /// Start of the interval in which hardly any cell sticks, and its number of substeps.
     full_slip: Option<(Gross, u32)>,
     found: Option<Gross>,
@@ -58,12 +59,14 @@ pub(super) struct GrossWatch {
 
 impl GrossWatch {
     /// `pulled`: whether the load moves the object. `may_bend`: whether on a curved path.
-    pub fn new(load_from_s: Option<f64>, pulled: bool, may_bend: bool) -> Self {
+    pub fn new(load_from_s: Option<f64>, pulled: bool, may_bend: bool, substep_s: f64) -> Self {
+        let substeps = |seconds_s: f64| (seconds_s / substep_s).round();
         GrossWatch {
             load_from_s,
             pulled,
             may_bend,
-            poses: Default::default(),
+            poses: vec![Pose::default(); substeps(RUNAWAY_S) as usize],
+            full_slip_count: substeps(FULL_SLIP_S) as u32,
             full_slip: None,
             found: None,
             friction_used: None,
@@ -79,7 +82,7 @@ impl GrossWatch {
         self.friction_used
     }
 
-    /// Processes a substep; whether gross slip was found in it. On a bend it began two frames before.
+    /// Processes a substep; whether gross slip was found in it. On a bend it began [`FULL_SLIP_S`] before.
     pub fn see(&mut self, finger: &Finger, path_s: f64, time_s: f64, load: f64) -> bool {
         let truth = finger.truth();
         let loaded = self.load_from_s.is_some_and(|from_s| path_s > from_s + 1e-9) && load > 0.0;
@@ -96,7 +99,7 @@ impl GrossWatch {
         let is_full_slip =
             self.may_bend && truth.stick_ratio.is_some_and(|stick_ratio| stick_ratio <= FULL_SLIP_STICK_RATIO);
         self.full_slip = is_full_slip.then(|| self.full_slip.map_or((now, 1), |(since, count)| (since, count + 1)));
-        let since = self.full_slip.filter(|(_, count)| *count >= FULL_SLIP_SUBSTEPS).map(|(since, _)| since);
+        let since = self.full_slip.filter(|(_, count)| *count >= self.full_slip_count).map(|(since, _)| since);
         self.found = if truth.slides_as_a_whole() || is_runaway { Some(now) } else { since };
         self.found.is_some()
     }

@@ -8,7 +8,7 @@ use slipbound::sensor::Sensor;
 use slipbound_lab::eval::clips::Clips;
 use slipbound_lab::eval::folder::Shard;
 use slipbound_lab::eval::lifts::Lifts;
-use slipbound_lab::eval::ramps::Ramps;
+use slipbound_lab::eval::ramps::{RampChanges, Ramps};
 use slipbound_lab::eval::wriggles::Wriggles;
 use slipbound_lab::eval::{Protocol, RECORDED, SIMULATED, simulated};
 use slipbound_lab::fit::kept;
@@ -58,6 +58,9 @@ pub(super) struct ProtocolArgs {
     /// second one 1 s, the others 0.4 to 2 s]
     #[arg(long, value_name = "SECONDS", value_parser = ramp_s)]
     pub(super) ramp_s: Option<f64>,
+    /// With `ramps`: frames per second of the camera, 10 to 120 [default: 30]
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u64).range(10..=120))]
+    pub(super) rate_hz: Option<u64>,
 }
 
 /// Names of the protocols that simulate their trials.
@@ -116,6 +119,11 @@ impl ProtocolArgs {
         Ok(())
     }
 
+    /// How the ramps that are asked for differ from the drawn ones.
+    pub(super) fn changes(&self) -> RampChanges {
+        RampChanges { ramp_s: self.ramp_s, rate_hz: self.rate_hz }
+    }
+
     /// A protocol with these options, which may be that of a sweep instead of the one that was asked for.
     pub(super) fn protocol_of(
         &self,
@@ -123,13 +131,14 @@ impl ProtocolArgs {
         seed: u64,
         trials: Option<u64>,
         refit: bool,
-        ramp_s: Option<f64>,
+        changes: RampChanges,
     ) -> Result<Box<dyn Protocol>, Failure> {
         for (option, is_given, of) in [
             ("--refit", self.refit, &[Lifts::NAME][..]),
             ("--data", self.data.is_some(), &RECORDED),
             ("--left-out", self.left_out.is_some(), &[Ramps::NAME]),
             ("--ramp-s", self.ramp_s.is_some(), &[Ramps::NAME]),
+            ("--rate-hz", self.rate_hz.is_some(), &[Ramps::NAME]),
         ] {
             refuse_elsewhere(option, is_given, of, name)?;
         }
@@ -140,8 +149,7 @@ impl ProtocolArgs {
                 Ok(Box::new(Wriggles::new(clips, finger("gelsight_mini_near")?, self.jobs())))
             }
             Ramps::NAME => {
-                let ramps = Ramps::new(seed, trials);
-                let ramps = ramp_s.into_iter().fold(ramps, Ramps::all_of_s);
+                let ramps = Ramps::new(seed, trials).changed(changes);
                 Ok(Box::new(if self.left_out.is_some() { self.left_out(ramps)? } else { ramps }))
             }
             _ => simulated(name, seed, trials).map_err(Failure::arguments),
