@@ -7,24 +7,9 @@
 
 use super::part::{FULL_WEIGHT, Part, sample, side_by_side};
 use super::sums::WEIGHED_LANES;
-use super::{OF_DOT, PATTERNS, STEPS_PER_LEVEL, Template, Window, in_turn};
+use super::window::{Dot, OF_DOT, PATTERNS, STEPS_PER_LEVEL, Template, Window, in_turn};
 use crate::image::SizePx;
 use crate::plane::Vec2;
-
-/// A dot of unit depth in the middle of a window, and its slopes along x and along y: the dots of a finger are equally
-/// wide, and only their depths differ. So their weights are read once for all markers.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Dot {
-    /// The dot alone.
-    pub(super) bare: [Vec<f64>; OF_DOT],
-    /// Without level and slope.
-    pub(super) patterns: [Vec<f64>; OF_DOT],
-    /// As in [`Template`].
-    pub(super) weights: Vec<[[i8; WEIGHED_LANES]; OF_DOT]>,
-    pub(super) scale: [f64; OF_DOT],
-    /// Its darkness on the window, one pixel wider on each side.
-    pub(super) wide: Vec<f64>,
-}
 
 impl Window {
     /// The dot that is this dark.

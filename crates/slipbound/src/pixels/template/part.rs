@@ -92,7 +92,7 @@ pub(super) fn side_by_side<const LISTS: usize>(lists: [Vec<i16>; LISTS]) -> Vec<
 
 #[cfg(test)]
 mod tests {
-    use super::super::Window;
+    use super::super::window::Window;
     use super::*;
 
     /// Darkness of a dot that fades to its rim.
