@@ -121,6 +121,11 @@ struct FrameLoad {
     area_px2: f64,
 }
 
+/// Reads the shipped trees, once per process: later monitors do not wait for them.
+pub(super) fn read_trees() {
+    prediction::shipped();
+}
+
 impl Estimator {
     pub fn new(sensor: &Sensor, markers: &[Marker], starts_in_contact: bool) -> Self {
         let (mut low, mut high) = (Vec2::new(f64::MAX, f64::MAX), Vec2::new(f64::MIN, f64::MIN));

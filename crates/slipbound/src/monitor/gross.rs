@@ -88,6 +88,11 @@ fn shipped() -> &'static Trees {
     &SHIPPED
 }
 
+/// Reads the shipped trees, once per process: later monitors do not wait for them.
+pub(super) fn read_trees() {
+    shipped();
+}
+
 /// Input of a frame besides the estimates.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GrossInput<'a> {

@@ -13,6 +13,8 @@ pub use choose::{RestChoice, RestLook};
 use crate::image::{Frame, SizePx};
 use crate::monitor::cell_map::{CellMap, cover_radius_px};
 use crate::monitor::contact::{IMPRINT_RATIO, illumination, texture_share};
+use crate::monitor::estimate;
+use crate::monitor::gross;
 use crate::monitor::imprint::{Extra, Imprint};
 use crate::monitor::markers::{Detector, RestMarker};
 use crate::monitor::report::Reason;
@@ -51,6 +53,9 @@ impl RestBuilder {
         let sensor = sensor.at_size(camera_px)?;
         settings.check_for(&sensor)?;
         sensor.check()?;
+        // Now, and not when the frames are there.
+        estimate::read_trees();
+        gross::read_trees();
         let extra = Extra { flat: settings.markers.finder_needs_flat(), cells: true };
         let imprint = Imprint::new(&sensor, &settings.imprint, extra);
         let map = CellMap::new(&sensor, &imprint.cells);
