@@ -134,3 +134,30 @@ fn solve(m: &mut [[f64; 5]; 4]) -> Option<[f64; 4]> {
     }
     Some(x)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Windows are sampled at sixteenths of a pixel: a dot half a step beside them is not found half a step away.
+    #[test]
+    fn a_dot_is_found_where_it_was_learned() {
+        let size = SizePx::new(80, 80);
+        let cone = |away_px: f64| (1.0 - away_px / 6.0).max(0.0);
+        let place = Vec2::new(40.0 + 1.0 / 32.0 - 1e-6, 39.5 - 1.0 / 32.0 + 1e-6);
+        let level = |x: usize, y: usize| {
+            let at = Vec2::new(x as f64, y as f64);
+            let weave = 12.0 * (libm::sin(0.9 * at.x) + libm::sin(0.8 * at.y + 0.4));
+            (150.0 + weave - 70.0 * cone((at - place).length())).round() as u8
+        };
+        let grey: Vec<u8> = (0..size.area()).map(|i| level(i % size.width, i / size.width)).collect();
+        let mut window = Window::new(9.3, cone);
+        let template = window.learn(&grey, size, place).expect("inside");
+        for away in [Vec2::ZERO, Vec2::new(0.9, -0.7), Vec2::new(-0.4, 1.1)] {
+            let start = Start { place: place + away, weave: 1.0, stretch: [Vec2::ZERO; 2] };
+            let fit = window.find(&template, &grey, size, start, 3.0).expect("there");
+            assert!((fit.place - place).length() < 0.025, "{away:?}: {fit:?}");
+            assert!((fit.dot - 1.0).abs() < 0.02 && (fit.weave - 1.0).abs() < 0.05 && fit.explained > 0.98, "{fit:?}");
+        }
+    }
+}
