@@ -155,7 +155,6 @@ pub fn record(scored_trial: &ScoredTrial, entry: &Entry, watched: &Watched, seen
     let score = highest(&mut (0..truth.len()).filter(counts).filter(before_gross));
     let score_below = highest(&mut (0..truth.len()).filter(counts).filter(|&n| f[n] < FALSE_BELOW_FRACTION));
     let loaded = || (0..truth.len()).filter(|&n| truth[n].frame >= watched.load_from_frame);
-    let decided = |n: &usize| matches!(seen[*n].state, SlipState::Stick | SlipState::Incipient | SlipState::Gross);
     let lead_ms = first.and_then(|n| Some(1e3 * (watched.gross?.time_s - truth[n].time_s)));
     let gross_frame = (0..truth.len()).find(|&n| is_past_gross(n)).map(|n| truth[n].frame);
     let gripping = truth.iter().zip(seen).any(|(truth, seen)| truth.frame < watched.load_from_frame && seen.alarms);
@@ -178,7 +177,7 @@ pub fn record(scored_trial: &ScoredTrial, entry: &Entry, watched: &Watched, seen
     .with("alarm_while_gripping", gripping)
     .with(SCORE_BELOW, is_judged.then_some(score_below))
     .with("loaded_frames", loaded().count())
-    .with("decided_frames", loaded().filter(decided).count());
+    .with("decided_frames", loaded().filter(|&n| seen[n].is_decided()).count());
     let record = with_gross(record, watched, seen, &f);
     if entry.is_ours() {
         let record = with_estimates(record, scored_trial, watched, seen, &f);
