@@ -178,8 +178,9 @@ pub fn record(scored_trial: &ScoredTrial, entry: &Entry, watched: &Watched, seen
     .with(SCORE_BELOW, is_judged.then_some(score_below))
     .with("loaded_frames", loaded().count())
     .with("decided_frames", loaded().filter(|&n| seen[n].is_decided()).count());
-    let record = with_gross(record, watched, seen, &f);
+    // A rival has no state of its own: what its monitor reports of gross slip, and estimates, is ours.
     if entry.is_ours() {
+        let record = with_gross(record, watched, seen, &f);
         let record = with_estimates(record, scored_trial, watched, seen, &f);
         with_slip(record, watched, seen, first.filter(before_gross))
     } else {
@@ -306,7 +307,7 @@ fn with_slip(record: TrialRecord, watched: &Watched, seen: &[Seen], alarm: Optio
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rivals::DETECTORS;
+    use crate::rivals::{DETECTORS, named};
     use crate::world::Gross;
     use slipbound::monitor::Estimate;
 
@@ -420,6 +421,8 @@ mod tests {
         let late = record(&scored_trial, &DETECTORS[0], &watched, &seen);
         assert_eq!((late.number_of("gross_delay_frames"), late.flag_of("gross_false")), (Some(2.0), Some(false)));
         assert_eq!((late.number_of("gross_later_frames"), late.number_of("gross_kept_frames")), (Some(7.0), Some(6.0)));
+        let rival = record(&scored_trial, named("paper").expect("a rival"), &watched, &seen);
+        assert!(rival.more.keys().all(|key| !key.starts_with("gross_") || key == "gross_frame"), "{rival:?}");
         seen[20].state = SlipState::Gross;
         let early = record(&scored_trial, &DETECTORS[0], &watched, &seen);
         assert_eq!((early.flag_of("gross_false"), early.number_of("gross_delay_frames")), (Some(true), Some(2.0)));
