@@ -48,6 +48,9 @@ fn shards_make_the_same_folder_as_the_whole_to_the_byte() {
     }
     let table: serde_json::Value =
         serde_json::from_slice(&fs::read(dir.path().join("whole/table.json")).expect("a file")).expect("JSON");
+    let tables_of = |folder: &str| fs::read_to_string(dir.path().join(folder).join("table.md")).expect("a file");
+    assert!(tables_of("a").contains(", seed 0, shard 1/2 of 3 trials, "), "{}", tables_of("a"));
+    assert!(tables_of("whole").contains(", seed 0, 3 trials, "), "{}", tables_of("whole"));
     assert_eq!((table["sweep"]["seed"].as_u64(), table["tables"][0]["rows"][0][1].as_u64()), (Some(0), Some(3)));
 
     let (code, _, err) = run(dir.path(), &[&SWEEP[..], &["--seed", "1", "-o", "whole"]].concat());
@@ -78,6 +81,15 @@ fn arguments_that_cannot_be_are_refused_by_name() {
         let (code, _, err) = run(dir.path(), arguments);
         assert!(code == Some(2) && err.contains(said), "{arguments:?}: {code:?} {err}");
     }
+}
+
+/// As by `eval table1`, and before anything is drawn.
+#[test]
+fn the_page_of_the_paper_has_no_more_trials_than_table_1() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let Ended { code, err, .. } = Ended::of(slipbound_in(dir.path(), &["paper", "--trials", "321", "-o", "page"]));
+    assert!(code == Some(2) && err.contains("--trials: expected at most the 320 of table1, got 321"), "{code:?} {err}");
+    assert!(!dir.path().join("page").exists());
 }
 
 #[test]

@@ -44,7 +44,7 @@ pub use outcome::Outcome;
 pub use protocol::Protocol;
 pub use record::{RecordLineError, TrialRecord};
 pub use runner::run;
-pub use statistics::{Estimated, auc, mean, median, quantile, rate_per_h, roc, share, share_of};
+pub use statistics::{Estimated, auc, mean, median, quantile, rate_per_h, roc, share, share_of, share_of_frames};
 pub use table::{Cell, Sweep, Table};
 
 use slipbound::setting::SettingError;

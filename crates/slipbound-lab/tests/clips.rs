@@ -1,10 +1,10 @@
 //! Recorded clips that cannot be judged are named, never counted as held.
 
-use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
+use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat, SourceError, SourceErrorKind};
 use slipbound_lab::eval::clips::Clips;
 use slipbound_lab::eval::lifts::Lifts;
 use slipbound_lab::eval::wriggles::Wriggles;
-use slipbound_lab::eval::{Protocol, TrialRecord, run};
+use slipbound_lab::eval::{Cell, Protocol, TrialRecord, run};
 use slipbound_lab::rivals::{Entry, named};
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
@@ -18,7 +18,8 @@ fn world() -> World {
     World::new(&Trial::parse(scene).expect("a scene")).expect("a world")
 }
 
-/// A clip by its name: `dark*` and `torn*` have no usable frame, `short*` has three frames, others show a press.
+/// A clip by its name: `dark*` and `torn*` have no usable frame, `short*` has three frames, `cut*` cannot be read from the
+/// tenth on, others show a press.
 struct Clip {
     name: String,
     world: World,
@@ -31,6 +32,10 @@ impl FrameSource for Clip {
         let is_press = !["dark", "torn", "short"].iter().any(|kind| self.name.starts_with(kind));
         if self.given == most && !is_press {
             return Ok(Next::End);
+        }
+        if self.name.starts_with("cut") && self.given == 9 {
+            return Err(SourceError::new(SourceErrorKind::Format, "clip: expected a frame, got the end of the file")
+                .of_file("clip"));
         }
         let seq = self.given;
         self.given += 1;
@@ -50,12 +55,20 @@ impl FrameSource for Clip {
 
 fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, SourceError> {
     let name = Path::new(uri).file_name().expect("a name").to_string_lossy().into_owned();
+    let fails = |kind, text: &str| Err(SourceError::new(kind, format!("{uri}: {text}")).of_file(uri));
+    match name.as_str() {
+        "empty" => return fails(SourceErrorKind::Settings, "expected images, got none"),
+        "locked" => return fails(SourceErrorKind::Unreadable, "permission denied"),
+        _ => {}
+    }
     Ok(Box::new(Clip { name, world: world(), given: 0 }))
 }
 
-/// A folder with these folders, in each of them these files.
+/// A folder with these folders, in each of them these files, all labelled as held.
 fn folder(clips: &[(&str, &[&str])]) -> TempDir {
     let root = tempfile::tempdir().expect("a folder");
+    let labels: String = clips.iter().map(|(clip, _)| format!("{clip},cup,0\n")).collect();
+    fs::write(root.path().join("labels.csv"), format!("clip,object,slip\n{labels}")).expect("labels");
     for (clip, files) in clips {
         fs::create_dir(root.path().join(clip)).expect("a folder");
         files.iter().for_each(|file| fs::write(root.path().join(clip).join(file), "").expect("a file"));
@@ -174,4 +187,33 @@ fn a_lift_without_a_frame_to_score_is_named_and_not_counted() {
     let table = &protocol.tables(&records)[0];
     assert!(table.note.ends_with("not counted: torn (expected a whole frame, got none (25 torn))."), "{}", table.note);
     assert!(table.markdown().contains("| ours | 1 | 0 |"), "{}", table.markdown());
+}
+
+/// The reason is without the folder of the clips, so that records are the same on every machine.
+#[test]
+fn a_clip_without_frames_or_with_broken_ones_leaves_the_others() {
+    let of = |name: &str| problem(&lifts(&[(name, &[]), ("z", &[])]));
+    assert_eq!(of("empty"), "expected images, got none");
+    assert_eq!(of("cut"), "expected a frame, got the end of the file");
+    let beside = wriggles(&[("a", &["cut.avi", "left.avi"])]).expect("a grasp");
+    assert_eq!((beside[0].unjudged(), beside[0].number_of("unjudged_videos")), (None, Some(1.0)));
+    let refused = lifts(&[("locked", &[]), ("z", &[])]).expect_err("it may be read later");
+    assert_eq!(refused, "lifts, trial 0, locked: locked: permission denied");
+}
+
+#[test]
+fn a_clip_without_a_label_is_neither_right_nor_wrong() {
+    let root = folder(&[("z", &[])]);
+    fs::remove_file(root.path().join("labels.csv")).expect("labels");
+    let protocol = Lifts::new(clips(&root), world().sensor(), false);
+    let mut records = judge(&protocol, &root).expect("records");
+    records.push(TrialRecord { number: 1, truth: Some(false), ..records[0].clone() });
+    let row = |records: &[TrialRecord]| {
+        let table = &protocol.tables(records)[0];
+        (table.note.clone(), table.rows[0][1..3].to_vec())
+    };
+    let (note, cells) = row(&records);
+    assert!(note.ends_with(" Without a label, and not counted: 1."), "{note}");
+    assert_eq!(cells, [Cell::Count(1), Cell::Count(0)]);
+    assert_eq!(row(&records[..1]).1, [Cell::Count(0), Cell::None]);
 }

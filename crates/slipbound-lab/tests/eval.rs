@@ -100,7 +100,8 @@ fn a_folder_of_another_sweep_is_refused_by_file_key_expected_and_got() {
     assert!(error.contains("sweep.json: sweep.seed: expected 6, got 5"), "{error}");
     fs::write(root.path().join("trials.jsonl"), "{\"number\":0}\n{\"number\":1}\n").expect("writes");
     let error = open(&sweep(&*protocol)).expect_err("no records").to_string();
-    assert!(error.contains("trials.jsonl: line 1: expected a record, got"), "{error}");
+    assert!(error.contains("trials.jsonl: line 1: expected a record with the keys number, trial, object"), "{error}");
+    assert_eq!(error.matches("expected").count(), 1, "{error}");
     for name in ["table1", "quiet", "slides"] {
         let error = simulated(name, TRAINING_SEED, Some(1)).map(drop).expect_err("tuned on").to_string();
         assert!(error.contains("seed") && error.contains(&format!("trials of {name} were tuned on")), "{error}");
@@ -138,9 +139,14 @@ fn records_in_a_folder_outlive_a_resumed_sweep_that_is_killed() {
     for (broken, expected) in [
         (&[line(0, "ours"), line(1, "ours")].concat(), "line 2: expected the record of paper on trial 0"),
         (&line(0, "paper"), "line 1: expected the record of ours on trial 0"),
-        (&[trial(0), trial(0)].concat(), "line 3: expected a trial after 0, got 0"),
-        (&[trial(1), trial(0)].concat(), "line 3: expected a trial after 1, got 0"),
-        (&[trial(0), trial(3)].concat(), "line 3: expected a trial of shard 1/1 of 3 trials, got 3"),
+        (&[trial(0), trial(0)].concat(), "line 3: expected trial 1, got trial 0"),
+        (&[trial(1), trial(0)].concat(), "line 1: expected trial 0, got trial 1"),
+        // What is judged is appended: trial 1 would come after trial 2.
+        (&[trial(0), trial(2)].concat(), "line 3: expected trial 1, got trial 2"),
+        (
+            &[trial(0), trial(1), trial(2), trial(3)].concat(),
+            "line 7: expected the end, after all trials of shard 1/1 of 3, got trial 3",
+        ),
     ] {
         fs::write(&lines_path, broken).expect("writes");
         let error = open().expect_err("not as a sweep writes it").to_string();
@@ -159,6 +165,34 @@ fn records_in_a_folder_outlive_a_resumed_sweep_that_is_killed() {
     let names: Vec<_> =
         fs::read_dir(root.path()).expect("a folder").map(|e| e.expect("an entry").file_name()).collect();
     assert_eq!(names.len(), 2, "{names:?}");
+}
+
+/// A sweep.json that was edited by hand is refused by its key.
+#[test]
+fn a_sweep_that_cannot_be_is_refused_by_file_key_expected_and_got() {
+    let root = tempfile::tempdir().expect("a folder");
+    let protocol = simulated("ramps", SEED, Some(3)).expect("there is one");
+    let (part, merged) = (root.path().join("part"), root.path().join("merged"));
+    drop(SweepFolder::open(&part, &sweep(&*protocol), &["ours"], Shard::WHOLE).expect("a new folder"));
+    let about = fs::read_to_string(part.join("sweep.json")).expect("a file");
+    for (from, to, expected) in [
+        ("\"of\": 1", "\"of\": 0", "shard: expected I/N with I from 1 to N, got 1/0"),
+        ("\"number\": 1", "\"number\": 0", "shard: expected I/N with I from 1 to N, got 0/1"),
+        ("\"ours\"", "", "detectors: expected one or more, each once, got ``"),
+        (
+            "\"trials_count\": 3",
+            "\"trials_count\": 99999999999999",
+            "sweep.trials_count: expected 1 to 10000000, got 99999999999999",
+        ),
+        ("\"trials_count\": 3", "\"trials_count\": 0", "sweep.trials_count: expected 1 to 10000000, got 0"),
+    ] {
+        assert!(about.contains(from), "{from}: {about}");
+        fs::write(part.join("sweep.json"), about.replace(from, to)).expect("writes");
+        fs::write(part.join("trials.jsonl"), "{}\n").expect("writes");
+        let error = SweepFolder::merge(std::slice::from_ref(&part), &merged).expect_err("no sweep").to_string();
+        assert!(error.ends_with(&format!("part/sweep.json: {expected}")), "{error}");
+        assert!(!merged.exists(), "a folder for nothing");
+    }
 }
 
 #[test]

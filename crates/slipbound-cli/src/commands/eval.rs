@@ -155,12 +155,13 @@ impl Eval {
     fn finish(&self, protocol: &dyn Protocol, folder: &SweepFolder) -> Result<Outcome, Failure> {
         refuse_unjudged(protocol, folder.records())?;
         let tables = protocol.tables(folder.records());
-        let json = serde_json::to_string_pretty(&table::json(folder.sweep(), &tables));
+        let (sweep, shard) = (folder.sweep(), folder.shard());
+        let json = serde_json::to_string_pretty(&table::json(sweep, shard, &tables));
         let json = json.map_err(|error| Failure::work("table.json", error))?;
-        folder.write("table.md", table::markdown(folder.sweep(), &tables).as_bytes())?;
+        folder.write("table.md", table::markdown(sweep, shard, &tables).as_bytes())?;
         folder.write("table.json", (json + "\n").as_bytes())?;
         let pictures = pictures::of_worst(protocol, folder.records(), self.pictures)?;
-        let page = page::of(folder.sweep(), folder.records(), &tables, pictures, self.pictures);
+        let page = page::of(sweep, folder.records(), &tables, pictures, self.pictures);
         folder.write("report.html", page.to_string().as_bytes())?;
         let mut terminal = Terminal::plain();
         for table in tables.iter().take(1) {

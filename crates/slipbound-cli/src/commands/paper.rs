@@ -15,6 +15,7 @@ use super::inputs;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
+use anyhow::anyhow;
 use slipbound_lab::eval::folder::{self, Shard, SweepFolder};
 use slipbound_lab::eval::{Protocol, Sweep, SweepError, simulated, table};
 use slipbound_lab::rivals::{DETECTORS, Entry};
@@ -45,13 +46,18 @@ impl Paper {
     /// Makes every figure and table.
     pub fn run(&self) -> Result<Outcome, Failure> {
         inputs::refuse_stdout_folder(&self.output)?;
+        let protocol: Box<dyn Protocol> = simulated("table1", self.seed, self.trials).map_err(Failure::arguments)?;
+        let most = protocol.trials_count();
+        if let Some(trials) = self.trials.filter(|&trials| trials > most) {
+            return Err(Failure::Arguments(anyhow!("--trials: expected at most the {most} of table1, got {trials}")));
+        }
         folder::refuse_used(&self.output, "table1/sweep.json", &["table1"])?;
         fs::create_dir_all(&self.output).map_err(|error| cannot_write(&self.output, error))?;
         let stop = interruption::listen()?;
         let mut parts = vec![Part::Heading("The steps of the method".into())];
         parts.extend(steps::method()?);
         parts.push(Part::Heading("Table I".into()));
-        parts.extend(self.table1(&stop)?);
+        parts.extend(self.table1(&*protocol, &stop)?);
         parts.push(Part::Heading("The two objects that fail".into()));
         parts.extend(steps::failing()?);
         parts.push(Part::Heading("Tasks".into()));
@@ -74,10 +80,9 @@ impl Paper {
     }
 
     /// Table I in a folder of its own, with its missing trials.
-    fn table1(&self, stop: &AtomicBool) -> Result<Vec<Part>, Failure> {
-        let protocol: Box<dyn Protocol> = simulated("table1", self.seed, self.trials).map_err(Failure::arguments)?;
+    fn table1(&self, protocol: &dyn Protocol, stop: &AtomicBool) -> Result<Vec<Part>, Failure> {
         let detectors: Vec<&'static Entry> = DETECTORS.iter().collect();
-        let sweep = Sweep::new(&*protocol, self.seed).map_err(|error| Failure::Work(error.into()))?;
+        let sweep = Sweep::new(protocol, self.seed).map_err(|error| Failure::Work(error.into()))?;
         let names = DETECTORS.map(|entry| entry.name);
         let path = self.output.join("table1");
         let mut folder = SweepFolder::open(&path, &sweep, &names, Shard::WHOLE)?;
@@ -85,7 +90,7 @@ impl Paper {
         let bar = Terminal::with_bar_of(missing.len() as u64, "trials");
         let jobs = self.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
         let ran = slipbound_lab::eval::run(
-            &*protocol,
+            protocol,
             &detectors,
             &missing,
             jobs,
@@ -99,7 +104,7 @@ impl Paper {
         bar.clear_bar();
         ran.map_err(|error: SweepError| Failure::Work(error.into()))?;
         let tables = protocol.tables(folder.records());
-        folder.write("table.md", table::markdown(&sweep, &tables).as_bytes())?;
+        folder.write("table.md", table::markdown(&sweep, folder.shard(), &tables).as_bytes())?;
         let mut parts = Vec::new();
         for table in tables.iter().take(3) {
             parts.push(Part::Text(format!("{}. {}", table.title, table.note)));

@@ -3,6 +3,7 @@
 use super::clips::{Clips, object_of_name};
 use super::record::{TrialRecord, UNJUDGED};
 use crate::rivals::Entry;
+use std::collections::BTreeSet;
 
 impl Clips {
     /// The record of a detector on a clip: its score, and the first frame with an alarm, without which it takes the
@@ -31,14 +32,20 @@ impl Clips {
     }
 }
 
-/// What a table says of the clips that could not be judged; empty where there are none.
-pub(super) fn note_of_unjudged(records: &[TrialRecord]) -> String {
+/// What a table says of the clips that it does not count: without a label, or not judged; empty where there are none.
+pub(super) fn note_of_uncounted(records: &[TrialRecord]) -> String {
+    let has_no_label = |record: &&TrialRecord| record.truth.is_none() && record.unjudged().is_none();
+    let unlabelled: BTreeSet<u64> = records.iter().filter(has_no_label).map(|record| record.number).collect();
+    let mut note = match unlabelled.len() {
+        0 => String::new(),
+        count => format!(" Without a label, and not counted: {count}."),
+    };
     let mut some: Vec<(&str, &str)> =
         records.iter().filter_map(|record| Some((record.trial.as_str(), record.unjudged()?))).collect();
     some.dedup();
     let each: Vec<String> = some.iter().map(|(name, problem)| format!("{name} ({problem})")).collect();
-    match each.is_empty() {
-        true => String::new(),
-        false => format!(" Not judged, and not counted: {}.", each.join(", ")),
+    if !each.is_empty() {
+        note += &format!(" Not judged, and not counted: {}.", each.join(", "));
     }
+    note
 }

@@ -11,7 +11,7 @@ use slipbound::finger_pipeline::{RecordingMonitor, RestFinder};
 use slipbound::monitor::{
     EvidenceReport, Rest, RestBuilder, RestError, RestKind, Settings, SlipMonitor, SlipReport, SlipState,
 };
-use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError};
+use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
 use slipbound::sensor::Sensor;
 use std::path::Path;
 
@@ -63,7 +63,7 @@ pub(super) fn watch(
             continue;
         }
         let asked: Vec<&'static Entry> = places.iter().map(|&n| entries[n]).collect();
-        let watched = recording.watch_by(inputs, &asked)?;
+        let watched = recording.watch_by(inputs, &asked).map_err(|error| unjudged_if_broken(path, error))?;
         first_problem = first_problem.or(watched.problem);
         for (n, frames) in places.into_iter().zip(watched.seen) {
             seen[n] = frames;
@@ -75,6 +75,20 @@ pub(super) fn watch(
             let problem = first_problem.unwrap_or_else(|| "expected frames, got none".into());
             Err(EvalError::Unjudged { path: path.to_owned(), problem })
         }
+    }
+}
+
+/// What is wrong with the clip itself leaves the other clips: no frames, or data that cannot be decoded. Anything else,
+/// as a file that may not be read or a program that is missing, ends the sweep.
+fn unjudged_if_broken(path: &Path, error: EvalError) -> EvalError {
+    match error {
+        EvalError::Source(error) if matches!(error.kind, SourceErrorKind::Settings | SourceErrorKind::Format) => {
+            let text = error.to_string();
+            // Records are the same wherever the clips are.
+            let file = error.file.map(|file| format!("{file}: ")).unwrap_or_default();
+            EvalError::Unjudged { path: path.to_owned(), problem: text.strip_prefix(&file).unwrap_or(&text).to_owned() }
+        }
+        other => other,
     }
 }
 

@@ -8,6 +8,7 @@
 use super::clip_watch::{OpenSource, RestFrom, Seen, watch};
 use super::digest::Digest;
 use super::error::EvalError;
+use super::folder::SWEEP_FILE;
 use crate::rivals::Entry;
 use slipbound::sensor::Sensor;
 use std::collections::BTreeMap;
@@ -79,7 +80,8 @@ pub struct Clips {
 }
 
 impl Clips {
-    /// Reads a folder: each folder in it is a clip, to be read by `open`. The first column of the optional `labels.csv`
+    /// Reads a folder: each folder in it is a clip, to be read by `open`, except hidden ones and those of
+    /// sweeps. The first column of the optional `labels.csv`
     /// is the name of the clip; it also has columns `object` and `slip`. A clip may be without a label, but no label
     /// without its clip, or twice.
     pub fn open(folder: &Path, open: OpenSource) -> Result<Self, ClipsError> {
@@ -88,9 +90,9 @@ impl Clips {
         let mut names = Vec::new();
         for entry in entries {
             let entry = entry.map_err(|source| ClipsError::Read { path: path(), source })?;
-            if entry.path().is_dir() {
-                let name = entry.file_name().into_string();
-                names.push(name.map_err(|_| ClipsError::Name { path: entry.path() })?);
+            if entry.path().is_dir() && !entry.path().join(SWEEP_FILE).exists() {
+                let name = entry.file_name().into_string().map_err(|_| ClipsError::Name { path: entry.path() })?;
+                names.extend(Some(name).filter(|name| !name.starts_with('.')));
             }
         }
         if names.is_empty() {
@@ -116,8 +118,9 @@ impl Clips {
     }
 
     /// Runs detectors on a recording, in the order of `entries`; the results by detector, then by frame; none for a
-    /// detector whose monitor cannot be created for the recording. [`EvalError::Unjudged`] where no frame could be
-    /// judged by the monitor that all but the paper's own method share, or by that method's if it is asked alone.
+    /// detector whose monitor cannot be created for the recording. [`EvalError::Unjudged`] where the recording has no
+    /// frames or cannot be decoded, or where no frame could be judged by the monitor that all but the paper's own method
+    /// share, or by that method's if it is asked alone.
     pub fn watch(
         &self,
         path: &Path,
@@ -193,7 +196,8 @@ fn labels(text: &str, names: &[String]) -> Result<BTreeMap<String, Label>, Strin
     let columns: Vec<&str> = header.split(',').map(str::trim).collect();
     let place = |name: &str| {
         let found = columns.iter().position(|column| *column == name);
-        found.ok_or_else(|| format!("expected a column {name}, got {}", columns.join(", ")))
+        let got = if header.trim().is_empty() { "none".into() } else { columns.join(", ") };
+        found.ok_or_else(|| format!("expected a header with a column {name}, got {got}"))
     };
     let (object, slip) = (place("object")?, place("slip")?);
     let mut labels = BTreeMap::new();
@@ -258,6 +262,9 @@ mod tests {
         let told_otherwise = contents();
         write("b_1/left/000.jpg", "3456");
         let longer = contents();
+        write(".ipynb_checkpoints/000.jpg", "");
+        write("eval-lifts/sweep.json", "{}");
+        assert_eq!(contents(), longer, "neither a hidden folder nor that of a sweep is a clip");
         write("c_1/000.jpg", "");
         let all = [bare, labelled, told_otherwise, longer, contents()];
         assert!((1..all.len()).all(|n| !all[..n].contains(&all[n])), "{all:?}");
@@ -295,6 +302,7 @@ mod tests {
         assert_eq!(read["a_1"], Label { object: "cup".into(), slips: true });
         assert!(!read["b_2"].slips);
         let error = labels("clip,slip\na_1,1\n", &names).expect_err("no objects");
-        assert_eq!(error, "expected a column object, got clip, slip");
+        assert_eq!(error, "expected a header with a column object, got clip, slip");
+        assert_eq!(labels("\n", &names).expect_err("empty"), "expected a header with a column object, got none");
     }
 }

@@ -7,10 +7,11 @@
 //! ```
 
 use super::error::{FolderError, SweepError};
-use super::record::TrialRecord;
+use super::record::{KEYS, TrialRecord};
 use super::table::Sweep;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -35,6 +36,16 @@ impl Shard {
     }
 }
 
+/// As on the command line, `2/8`.
+impl fmt::Display for Shard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.number, self.of)
+    }
+}
+
+/// Largest number of trials of a sweep.
+pub const TRIALS_MOST: u64 = 10_000_000;
+
 /// Contents of sweep.json.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -47,8 +58,28 @@ struct SweepFile {
 
 const FORMAT: &str = "slipbound-eval-1";
 
+impl SweepFile {
+    /// Refuses what no sweep can have; `path` is its file.
+    fn check(&self, path: &Path) -> Result<(), FolderError> {
+        let refuse = |key: &str, expected: String, got: String| {
+            Err(FolderError::Value { path: path.to_owned(), key: key.into(), expected, got })
+        };
+        let is_twice = |(n, name): (usize, &String)| self.detectors[..n].contains(name);
+        if self.detectors.is_empty() || self.detectors.iter().enumerate().any(is_twice) {
+            return refuse("detectors", "one or more, each once".into(), format!("`{}`", self.detectors.join(", ")));
+        }
+        if !(1..=TRIALS_MOST).contains(&self.sweep.trials_count) {
+            return refuse("sweep.trials_count", format!("1 to {TRIALS_MOST}"), self.sweep.trials_count.to_string());
+        }
+        match (1..=self.shard.of).contains(&self.shard.number) {
+            true => Ok(()),
+            false => refuse("shard", "I/N with I from 1 to N".into(), self.shard.to_string()),
+        }
+    }
+}
+
 /// The first file exists as soon as a sweep has begun; the others may remain from a sweep that was killed before.
-const SWEEP_FILE: &str = "sweep.json";
+pub(super) const SWEEP_FILE: &str = "sweep.json";
 const BEFORE_IT: [&str; 2] = ["trials.jsonl", "sweep.json.unfinished"];
 
 fn file(path: &Path) -> impl FnOnce(io::Error) -> FolderError + '_ {
@@ -88,15 +119,7 @@ impl SweepFolder {
         let detectors = detectors.iter().map(|&name| name.to_owned()).collect();
         let about = SweepFile { format: FORMAT.into(), sweep: sweep.clone(), detectors, shard };
         let about_path = path.join(SWEEP_FILE);
-        let is_twice = |(n, name): (usize, &String)| about.detectors[..n].contains(name);
-        if about.detectors.is_empty() || about.detectors.iter().enumerate().any(is_twice) {
-            return Err(FolderError::Value {
-                path: about_path,
-                key: "detectors".into(),
-                expected: "one or more, each once".into(),
-                got: format!("`{}`", about.detectors.join(", ")),
-            });
-        }
+        about.check(&about_path)?;
         refuse_used(path, SWEEP_FILE, &BEFORE_IT)?;
         fs::create_dir_all(path).map_err(file(path))?;
         let lines_path = path.join("trials.jsonl");
@@ -140,6 +163,11 @@ impl SweepFolder {
     /// The sweep.
     pub fn sweep(&self) -> &Sweep {
         &self.about.sweep
+    }
+
+    /// Which part of the sweep it holds.
+    pub fn shard(&self) -> Shard {
+        self.about.shard
     }
 
     /// All records so far, in the order of the trials.
@@ -256,12 +284,14 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<(), FolderError> {
 
 fn read_about(path: &Path) -> Result<SweepFile, FolderError> {
     let text = fs::read_to_string(path).map_err(unread(path))?;
-    serde_json::from_str(&text).map_err(|error| FolderError::Value {
+    let about: SweepFile = serde_json::from_str(&text).map_err(|error| FolderError::Value {
         path: path.to_owned(),
         key: "sweep.json".into(),
         expected: "what `slipbound eval` writes".into(),
         got: error.to_string(),
-    })
+    })?;
+    about.check(path)?;
+    Ok(about)
 }
 
 /// Refuses another sweep than the expected one; reports the first key that differs.
@@ -277,7 +307,7 @@ fn check_same(path: &Path, expected: &SweepFile, got: &SweepFile, shard_too: boo
             ("sweep.software_version", sweep.software_version.clone()),
             ("sweep.settings", settings(sweep)),
             ("detectors", about.detectors.join(", ")),
-            ("shard", if shard_too { format!("{}/{}", about.shard.number, about.shard.of) } else { String::new() }),
+            ("shard", if shard_too { about.shard.to_string() } else { String::new() }),
         ]
     };
     for ((key, expected), (_, got)) in keys(expected).into_iter().zip(keys(got)) {
@@ -301,7 +331,8 @@ fn by_trial(records: Vec<TrialRecord>) -> Vec<Vec<TrialRecord>> {
 }
 
 /// The records of complete trials, and the offset of their end, in bytes. An incomplete last line or trial is left out;
-/// any other defect is an error.
+/// any other defect is an error, a missing trial before others too: what is judged is appended, so the records would no
+/// longer be in the order of the trials.
 fn whole_trials(path: &Path, about: &SweepFile) -> Result<(Vec<TrialRecord>, u64), FolderError> {
     let bytes = match fs::read(path) {
         Ok(bytes) => bytes,
@@ -315,26 +346,28 @@ fn whole_trials(path: &Path, about: &SweepFile) -> Result<(Vec<TrialRecord>, u64
         got,
     };
     let (mut records, mut end, mut whole_count, mut whole_end) = (Vec::<TrialRecord>::new(), 0, 0, 0);
-    let Shard { number: first, of } = about.shard;
-    let is_of_it = |number: u64| number < about.sweep.trials_count && number % of == first - 1;
+    let mut numbers = about.shard.numbers(about.sweep.trials_count);
     for (n, line) in bytes.split_inclusive(|&byte| byte == b'\n').enumerate() {
         end += line.len() as u64;
         let Some(line) = line.strip_suffix(b"\n") else { break };
         let record = std::str::from_utf8(line).map_err(|error| error.to_string());
-        let record = record.and_then(|line| TrialRecord::parse(line).map_err(|error| error.to_string()));
-        let record = record.map_err(|error| broken(n, "a record".into(), error))?;
+        let record = record.and_then(|line| TrialRecord::parse(line).map_err(|error| error.source.to_string()));
+        let keys = || format!("a record with the keys {}", KEYS.join(", "));
+        let record = record.map_err(|error| broken(n, keys(), error))?;
         let due = &about.detectors[records.len() - whole_count];
         let number = records.get(whole_count).map_or(record.number, |first| first.number);
         if (record.number, &record.detector) != (number, due) {
             let got = format!("{} on {}", record.detector, record.number);
             return Err(broken(n, format!("the record of {due} on trial {number}"), got));
         }
-        if records.len() == whole_count && !is_of_it(number) {
-            let expected = format!("a trial of shard {first}/{of} of {} trials", about.sweep.trials_count);
-            return Err(broken(n, expected, number.to_string()));
-        }
-        if let Some(last) = records.last().filter(|last| records.len() == whole_count && last.number >= number) {
-            return Err(broken(n, format!("a trial after {}", last.number), number.to_string()));
+        if records.len() == whole_count {
+            let due = numbers.next();
+            if due != Some(number) {
+                let (shard, trials_count) = (about.shard, about.sweep.trials_count);
+                let end = || format!("the end, after all trials of shard {shard} of {trials_count}");
+                let expected = due.map_or_else(end, |due| format!("trial {due}"));
+                return Err(broken(n, expected, format!("trial {number}")));
+            }
         }
         records.push(record);
         if records.len() - whole_count == about.detectors.len() {

@@ -11,7 +11,7 @@
 mod refit;
 mod shuffles;
 
-use super::clip_record::note_of_unjudged;
+use super::clip_record::note_of_uncounted;
 use super::clip_verdict::{Latch, judged};
 use super::clip_watch::{RestFrom, Seen, is_judged};
 use super::clips::Clips;
@@ -149,7 +149,7 @@ impl Protocol for Lifts {
         };
         let mut all = Table::new(
             title,
-            &format!("{note}{}", note_of_unjudged(records)),
+            &format!("{note}{}", note_of_uncounted(records)),
             &["detector", "clips", "wrong", &format!("right %, {kind}"), &format!("AUC, {kind}")],
         );
         let judged = || records.iter().filter(|record| record.unjudged().is_none());
@@ -207,15 +207,16 @@ impl Lifts {
     }
 }
 
-/// Right and wrong verdicts, and the area under the curve, of the records with a known truth.
+/// Right and wrong verdicts, and the area under the curve, of the records with a known truth, and their number.
 pub fn row(name: &str, records: &[&TrialRecord]) -> Vec<Cell> {
     let scores =
         |truth: bool| -> Vec<f64> { records.iter().filter(|r| r.truth == Some(truth)).map(|r| r.score).collect() };
+    let known = records.iter().filter(|r| r.truth.is_some()).count() as u64;
     let wrong = records.iter().filter(|r| r.is_right() == Some(false)).count() as u64;
     vec![
         name.into(),
-        Cell::Count(records.len() as u64),
-        Cell::Count(wrong),
+        Cell::Count(known),
+        if known == 0 { Cell::None } else { Cell::Count(wrong) },
         Cell::Share(share_of(records.iter().filter_map(|r| r.is_right()))),
         Cell::Number(auc(&scores(true), &scores(false)), 3),
     ]

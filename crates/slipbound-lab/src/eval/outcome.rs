@@ -154,7 +154,6 @@ pub fn record(scored_trial: &ScoredTrial, entry: &Entry, watched: &Watched, seen
     let score = highest(&mut (0..truth.len()).filter(counts).filter(before_gross));
     let score_below = highest(&mut (0..truth.len()).filter(counts).filter(|&n| f[n] < FALSE_BELOW_FRACTION));
     let loaded = || (0..truth.len()).filter(|&n| truth[n].frame >= watched.load_from_frame);
-    let decided = |n: &usize| matches!(seen[*n].state, SlipState::Stick | SlipState::Incipient | SlipState::Gross);
     let lead_ms = first.and_then(|n| Some(1e3 * (watched.gross?.time_s - truth[n].time_s)));
     let gross_frame = (0..truth.len()).find(|&n| is_past_gross(n)).map(|n| truth[n].frame);
     let gripping = truth.iter().zip(seen).any(|(truth, seen)| truth.frame < watched.load_from_frame && seen.alarms);
@@ -177,9 +176,10 @@ pub fn record(scored_trial: &ScoredTrial, entry: &Entry, watched: &Watched, seen
     .with("alarm_while_gripping", gripping)
     .with(SCORE_BELOW, is_judged.then_some(score_below))
     .with("loaded_frames", loaded().count())
-    .with("decided_frames", loaded().filter(decided).count());
-    let record = with_gross(record, watched, seen, &f);
+    .with("decided_frames", loaded().filter(|&n| seen[n].is_decided()).count());
+    // A rival has no state of its own: what its monitor reports of gross slip, and estimates, is ours.
     if entry.is_ours() {
+        let record = with_gross(record, watched, seen, &f);
         let record = with_estimates(record, scored_trial, watched, seen, &f);
         with_slip(record, watched, seen, first.filter(before_gross))
     } else {
@@ -309,7 +309,7 @@ fn with_slip(record: TrialRecord, watched: &Watched, seen: &[Seen], alarm: Optio
 mod tests {
     use super::super::ground_truth::GroundTruth;
     use super::*;
-    use crate::rivals::DETECTORS;
+    use crate::rivals::{DETECTORS, named};
     use crate::world::Gross;
     use slipbound::monitor::Estimate;
 
@@ -423,6 +423,8 @@ mod tests {
         let late = record(&scored_trial, &DETECTORS[0], &watched, &seen);
         assert_eq!((late.number_of("gross_delay_frames"), late.flag_of("gross_false")), (Some(2.0), Some(false)));
         assert_eq!((late.number_of("gross_later_frames"), late.number_of("gross_kept_frames")), (Some(7.0), Some(6.0)));
+        let rival = record(&scored_trial, named("paper").expect("a rival"), &watched, &seen);
+        assert!(rival.more.keys().all(|key| !key.starts_with("gross_") || key == "gross_frame"), "{rival:?}");
         seen[20].state = SlipState::Gross;
         let early = record(&scored_trial, &DETECTORS[0], &watched, &seen);
         assert_eq!((early.flag_of("gross_false"), early.number_of("gross_delay_frames")), (Some(true), Some(2.0)));

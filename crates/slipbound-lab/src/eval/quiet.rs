@@ -11,7 +11,7 @@ use super::error::EvalError;
 use super::outcome::GROSS_FROM_FRACTION;
 use super::protocol::Protocol;
 use super::record::TrialRecord;
-use super::statistics::{Estimated, rate_per_h, share};
+use super::statistics::{Estimated, rate_per_h, share, share_of_frames};
 use super::table::{Cell, Table};
 use super::trial_seed::{camera_seed, stream};
 use super::watch::{Onlooker, Restarts, Seen, Watch, Watched, show, watch};
@@ -197,6 +197,7 @@ fn record(number: u64, trial: &Trial, script: &Script, watched: &Watched, entry:
     let is_false = |n: usize| load(n) < GROSS_FROM_FRACTION && !watched.truth[n].slides;
     let false_gross = (0..seen.len()).filter(|&n| gross_begins(n) && is_false(n)).count();
     let held = (0..seen.len()).filter(|&n| watched.truth[n].frame >= watched.load_from_frame);
+    let touching = || (0..seen.len()).filter(|&n| counts(n) && watched.truth[n].stick_ratio.is_some());
     TrialRecord {
         number,
         trial: format!("quiet: {trial}"),
@@ -214,6 +215,8 @@ fn record(number: u64, trial: &Trial, script: &Script, watched: &Watched, entry:
     .with("alarms_by_event", serde_json::json!(by_event))
     .with("frames", (0..seen.len()).filter(|&n| counts(n)).count())
     .with("alarm_frames", (0..seen.len()).filter(|&n| counts(n) && seen[n].alarms).count())
+    .with("contact_frames", touching().count())
+    .with("decided_frames", touching().filter(|&n| seen[n].is_decided()).count())
     .with("most_load_fraction", held.map(load).fold(0.0, f64::max))
 }
 
@@ -239,7 +242,8 @@ impl Protocol for Quiet {
             "Alarms where nothing slides",
             "An alarm is counted when it begins, and as false at a load below 0.2 mu P; a grip that is let go while it holds some shear \
              loads the contact more. The bound on the rate holds at 95 %, one-sided (Garwood); it takes alarms as independent. \
-             False gross: reports of gross slip that begin below 0.8 mu P where the object does not slide.",
+             False gross: reports of gross slip that begin below 0.8 mu P where the object does not slide. Coverage: share of the \
+             frames with contact that were decided.",
             &[
                 "detector",
                 "frames",
@@ -250,6 +254,7 @@ impl Protocol for Quiet {
                 "per hour, bound above",
                 "episodes with one %",
                 "frames in alarm %",
+                "coverage %",
             ],
         );
         let mut events = Table::new(
@@ -263,7 +268,7 @@ impl Protocol for Quiet {
                 continue;
             }
             let sum = |key: &str| some.iter().filter_map(|r| r.number_of(key)).sum::<f64>() as u64;
-            let (frames, alarms) = (sum("frames"), sum("alarms"));
+            let (frames, alarms, episodes) = (sum("frames"), sum("alarms"), some.len() as u64);
             let false_gross: Option<f64> = some.iter().map(|r| r.number_of("false_gross")).sum();
             let hours_h = frames as f64 / FRAME_RATE_HZ as f64 / 3600.0;
             table.rows.push(vec![
@@ -275,8 +280,10 @@ impl Protocol for Quiet {
                 // Rivals do not report it, and older records do not say.
                 false_gross.map_or(Cell::None, |count| Cell::Count(count as u64)),
                 Cell::Number(rate_per_h(alarms, hours_h), 2),
-                Cell::Share(share(some.iter().filter(|r| r.verdict).count() as u64, some.len() as u64)),
-                Cell::Share(share(sum("alarm_frames"), frames)),
+                Cell::Share(share(some.iter().filter(|r| r.verdict).count() as u64, episodes)),
+                Cell::Share(share_of_frames(sum("alarm_frames"), frames, episodes)),
+                // Of older records, none.
+                Cell::Share(share_of_frames(sum("decided_frames"), sum("contact_frames"), episodes)),
             ]);
             let of_event = |event: &str| {
                 let count = |r: &&TrialRecord| r.more.get("alarms_by_event")?.get(event)?.as_u64();
@@ -329,7 +336,7 @@ mod tests {
         }
     }
 
-    /// Frames of 0.1 of the load, the states as letters: `g` gross, `i` incipient slip.
+    /// Frames of 0.1 of the load, the states as letters: `g` gross, `i` incipient slip, `?` unsure.
     fn judged(detector: &str, states: &str, slides_at: Option<usize>) -> TrialRecord {
         let (script, what) = Quiet::new(0, None).watch_of(3).expect("a sound trial");
         let grip_n = 10.0;
@@ -337,7 +344,7 @@ mod tests {
             frame: n as u64,
             time_s: n as f64 / 30.0,
             load: None,
-            stick_ratio: None,
+            stick_ratio: (n > 0).then_some(1.0),
             grip_n,
             wrench: Wrench { force_n: Vec2::new(0.1 * what.trial.mu() * grip_n, 0.0), torque_n_mm: 0.0 },
             pose: Default::default(),
@@ -347,10 +354,11 @@ mod tests {
         };
         let seen = |state: char| Seen {
             score: 0.0,
-            alarms: state != '.',
+            alarms: "gi".contains(state),
             state: match state {
                 'g' => SlipState::Gross,
                 'i' => SlipState::Incipient,
+                '?' => SlipState::Unsure,
                 _ => SlipState::Stick,
             },
             estimates: Default::default(),
@@ -375,5 +383,13 @@ mod tests {
         let mut older = ours.clone();
         older.more.remove("false_gross");
         assert_eq!(column(&[ours, older]), "-", "the older one does not say");
+    }
+
+    #[test]
+    fn who_is_unsure_raises_no_alarm_and_covers_less() {
+        let table = &Quiet::new(0, Some(1)).tables(&[judged("ours", ".??i.......", None)])[0];
+        let row = table.rows[0].iter().zip(&table.columns);
+        let coverage = row.filter(|(_, column)| *column == "coverage %").map(|(cell, _)| cell.clone()).next();
+        assert_eq!(coverage, Some(Cell::Share(share_of_frames(8, 10, 1))), "of the frames with contact");
     }
 }

@@ -2,7 +2,7 @@
 
 use super::outcome::{FALSE_BELOW_FRACTION, GROSS_FALSE, Outcome, SCORE_BELOW, left_out_note, never_slides};
 use super::record::TrialRecord;
-use super::statistics::{Estimated, auc, mean, median, quantile, share, share_of};
+use super::statistics::{Estimated, auc, mean, median, quantile, share, share_of, share_of_frames};
 use super::table::{Cell, Table};
 use super::watch::{GROSS_WITHIN_FRAMES, GROSS_WITHIN_MS};
 use crate::rivals::DETECTORS;
@@ -99,12 +99,24 @@ fn alarm_table(prefix: &str, note: &str) -> Table {
     )
 }
 
+/// Coverage: share of the loaded frames that were decided.
+pub(super) fn coverage(records: &[&TrialRecord]) -> Cell {
+    share_of_keys(records, "decided_frames", "loaded_frames")
+}
+
+/// Share of some frames, counted by the first key, in others, counted by the second, of the trials that have any.
+fn share_of_keys(records: &[&TrialRecord], key: &str, of: &str) -> Cell {
+    let some: Vec<&TrialRecord> =
+        records.iter().copied().filter(|r| r.number_of(of).is_some_and(|count| count > 0.0)).collect();
+    let sum = |key: &str| numbers(&some, key).iter().sum::<f64>() as u64;
+    Cell::Share(share_of_frames(sum(key), sum(of), some.len() as u64))
+}
+
 fn alarm_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
     let f = fractions(all);
     let mut one_s = alarmed(all);
     one_s.retain(|r| r.number_of("ramp_s") == Some(1.0));
     let leads = numbers(&one_s, "lead_ms");
-    let sum = |key: &str| numbers(all, key).iter().sum::<f64>() as u64;
     vec![
         name.into(),
         Cell::Count(all.len() as u64),
@@ -114,7 +126,7 @@ fn alarm_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
         Cell::Number(quantile(&f, 0.95), 3),
         Cell::Number(median(&leads), 0),
         Cell::Number(quantile(&leads, 0.05), 0),
-        Cell::Share(share(sum("decided_frames"), sum("loaded_frames"))),
+        coverage(all),
         Cell::Number(auc(&all.iter().map(|r| r.score).collect::<Vec<f64>>(), &numbers(all, SCORE_BELOW)), 3),
     ]
 }
@@ -158,7 +170,8 @@ fn error_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
 fn direction_table(prefix: &str) -> Table {
     Table::new(
         &format!("{prefix}Kind and direction"),
-        "At the first alarm, against the motion of the object since the load began.",
+        "At the first alarm before gross slip, under the load. Kind and sense of rotation: against the motion of the object since the load \
+         began; direction: against the mean slip of the contact since then.",
         &["detector", "alarms", "kind right %", "direction error deg, median", "95th pct", "sense of rotation right %"],
     )
 }
@@ -198,7 +211,6 @@ fn gross_table(prefix: &str) -> Table {
 /// A row about `gross`: reported, delay, kept, false.
 pub(super) fn gross_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
     let delays = numbers(all, "gross_delay_frames");
-    let sum = |key: &str| numbers(all, key).iter().sum::<f64>() as u64;
     // A ramp in which it was never reported is not within two frames.
     let within = delays.iter().filter(|&&delay| delay <= GROSS_WITHIN_FRAMES as f64).count() as u64;
     let soon = numbers(all, "gross_delay_ms").iter().filter(|&&delay_ms| delay_ms <= GROSS_WITHIN_MS).count() as u64;
@@ -210,7 +222,7 @@ pub(super) fn gross_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
         Cell::Number(median(&delays), 1),
         Cell::Share(share(within, all.len() as u64)),
         Cell::Share(share(soon, all.len() as u64)),
-        Cell::Share(share(sum("gross_kept_frames"), sum("gross_later_frames"))),
+        share_of_keys(all, "gross_kept_frames", "gross_later_frames"),
         Cell::Share(share(wrong, all.len() as u64)),
     ]
 }

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 
-/// Judges the trials of some numbers on `jobs_count` threads. `keep` receives the records of one trial after the other,
+/// Judges the trials of some numbers on at most `jobs_count` threads. `keep` receives the records of one trial after the other,
 /// in the order of `numbers`, whichever finishes first.
 pub fn run(
     protocol: &dyn Protocol,
@@ -21,7 +21,7 @@ pub fn run(
     let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
     let (sender, receiver) = mpsc::channel();
     std::thread::scope(|scope| {
-        for _ in 0..jobs_count.max(1) {
+        for _ in 0..jobs_count.clamp(1, numbers.len().max(1)) {
             let (sender, next, failed) = (sender.clone(), &next, &failed);
             scope.spawn(move || {
                 while !stop() && !failed.load(Ordering::Relaxed) {

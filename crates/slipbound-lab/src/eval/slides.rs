@@ -4,7 +4,7 @@
 use super::error::EvalError;
 use super::outcome::{ScoredTrial, left_out_note, never_slides, record};
 use super::protocol::Protocol;
-use super::ramp_tables::gross_row;
+use super::ramp_tables::{coverage, gross_row};
 use super::ramps::MU;
 use super::record::TrialRecord;
 use super::statistics::{quantile, share};
@@ -181,6 +181,7 @@ impl Protocol for Slides {
                 "said %",
                 "delay frames, median",
                 "within 2 frames %",
+                "within 67 ms %",
                 "kept %",
                 "false %",
                 "delay frames, 95th pct",
@@ -212,8 +213,8 @@ impl Protocol for Slides {
         }
         let mut alarms = Table::new(
             "Any alarm before gross slip",
-            left_out_note(records).trim_start(),
-            &["detector", "slides", "before gross %", "after it or never %"],
+            &format!("Coverage: share of the loaded frames that were decided.{}", left_out_note(records)),
+            &["detector", "slides", "before gross %", "after it or never %", "coverage %"],
         );
         for entry in &DETECTORS {
             let some: Vec<&TrialRecord> =
@@ -223,7 +224,7 @@ impl Protocol for Slides {
             }
             let all = some.len() as u64;
             let before = some.iter().filter(|r| r.verdict).count() as u64;
-            let cells = [Cell::Share(share(before, all)), Cell::Share(share(all - before, all))];
+            let cells = [Cell::Share(share(before, all)), Cell::Share(share(all - before, all)), coverage(&some)];
             alarms.rows.push([entry.name.into(), Cell::Count(all)].into_iter().chain(cells).collect());
         }
         vec![table, alarms]
@@ -241,6 +242,7 @@ impl Protocol for Slides {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::eval::share_of_frames;
     use crate::world::{Physics, World};
 
     #[test]
@@ -259,6 +261,8 @@ mod tests {
             }
             .with("speed_mm_per_s", 2.0)
             .with("reaches_gross", reaches_gross)
+            .with("loaded_frames", 40)
+            .with("decided_frames", 30)
         };
         let both = ["ours", "paper"];
         let records: Vec<TrialRecord> =
@@ -270,6 +274,9 @@ mod tests {
             tables[1].rows.iter().map(|row| row[1].clone()).collect::<Vec<_>>(),
             [Cell::Count(1), Cell::Count(1)]
         );
+        let is_whole = |table: &Table| table.rows.iter().all(|row| row.len() == table.columns.len());
+        assert!(tables.iter().all(is_whole), "as many cells as columns: {tables:?}");
+        assert_eq!(tables[1].rows[0].last(), Some(&Cell::Share(share_of_frames(30, 40, 1))), "coverage");
     }
 
     #[test]

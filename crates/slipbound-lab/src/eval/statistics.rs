@@ -35,17 +35,24 @@ impl Estimated {
 
 /// A share of `count` in `of`, with the interval of Wilson (JASA 22 (1927) 209).
 pub fn share(count: u64, of: u64) -> Estimated {
-    if of == 0 {
-        return Estimated::NONE;
-    }
+    if of == 0 { Estimated::NONE } else { wilson(count as f64 / of as f64, of) }
+}
+
+/// A share of the frames of some trials. The frames of a trial are alike, so the interval is that of a share of as many
+/// answers as there are trials: the widest, as if all frames of a trial were the same.
+pub fn share_of_frames(count: u64, of: u64, trials: u64) -> Estimated {
+    if of == 0 || trials == 0 { Estimated::NONE } else { wilson(count as f64 / of as f64, trials) }
+}
+
+/// The share `p` of so many independent answers.
+fn wilson(p: f64, of: u64) -> Estimated {
     let n = of as f64;
-    let p = count as f64 / n;
     let whole = 1.0 + Z * Z / n;
     let middle = (p + Z * Z / (2.0 * n)) / whole;
     let half = Z * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt() / whole;
     // At the ends the bound is exact, without a rounding error.
-    let low = if count == 0 { 0.0 } else { middle - half };
-    let high = if count == of { 1.0 } else { middle + half };
+    let low = if p == 0.0 { 0.0 } else { middle - half };
+    let high = if p == 1.0 { 1.0 } else { middle + half };
     Estimated::of(p, low, high, of)
 }
 
@@ -265,6 +272,10 @@ mod tests {
         assert_eq!(share(20, 20).high, Some(1.0));
         assert_eq!(share(0, 0), Estimated::NONE);
         assert_eq!(share_of([true, false, true, true]).value, Some(0.75));
+        // 120 frames of each of three trials are no 360 independent answers.
+        assert_eq!(share_of_frames(360, 360, 3), share(3, 3));
+        assert_eq!(share_of_frames(90, 360, 4), Estimated { value: Some(0.25), ..share(1, 4) });
+        assert_eq!((share_of_frames(0, 0, 3), share_of_frames(0, 0, 0)), (Estimated::NONE, Estimated::NONE));
     }
 
     #[test]

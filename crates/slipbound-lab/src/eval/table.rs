@@ -1,5 +1,6 @@
 //! Tables of a sweep, as Markdown and as JSON.
 
+use super::folder::Shard;
 use super::statistics::Estimated;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -140,10 +141,11 @@ impl Table {
     }
 }
 
-/// All tables of a sweep as a Markdown file.
-pub fn markdown(sweep: &Sweep, tables: &[Table]) -> String {
+/// All tables of a sweep, or of a shard of it, as a Markdown file.
+pub fn markdown(sweep: &Sweep, shard: Shard, tables: &[Table]) -> String {
+    let part = if shard == Shard::WHOLE { String::new() } else { format!("shard {shard} of ") };
     let mut text = format!(
-        "# {}\n\nProtocol {}, seed {}, {} trials, version {}",
+        "# {}\n\nProtocol {}, seed {}, {part}{} trials, version {}",
         sweep.protocol, sweep.protocol, sweep.seed, sweep.trials_count, sweep.software_version
     );
     for (key, value) in &sweep.settings {
@@ -157,9 +159,9 @@ pub fn markdown(sweep: &Sweep, tables: &[Table]) -> String {
     text
 }
 
-/// All tables of a sweep as a JSON file.
-pub fn json(sweep: &Sweep, tables: &[Table]) -> Value {
-    json!({ "sweep": sweep, "tables": tables.iter().map(Table::json).collect::<Vec<Value>>() })
+/// All tables of a sweep, or of a shard of it, as a JSON file.
+pub fn json(sweep: &Sweep, shard: Shard, tables: &[Table]) -> Value {
+    json!({ "sweep": sweep, "shard": shard, "tables": tables.iter().map(Table::json).collect::<Vec<Value>>() })
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@
 use super::error::EvalError;
 use super::outcome::{GROSS_FALSE, GROSS_SAID, Outcome, ScoredTrial, left_out_note, never_slides, record};
 use super::protocol::Protocol;
+use super::ramp_tables::coverage;
 use super::record::TrialRecord;
 use super::statistics::{auc, quantile, share};
 use super::table::{Cell, Table};
@@ -263,7 +264,6 @@ fn row(name: Cell, records: &[&TrialRecord]) -> Option<Vec<Cell>> {
         .filter(|r| Outcome::of(r) == Some(Outcome::InTime))
         .filter_map(|r| r.number_of("f_at_alarm"))
         .collect();
-    let sum = |key: &str| records.iter().filter_map(|r| r.number_of(key)).sum::<f64>() as u64;
     let scores =
         |truth: bool| -> Vec<f64> { records.iter().filter(|r| r.truth == Some(truth)).map(|r| r.score).collect() };
     // Rivals do not report it, and older records do not say.
@@ -280,7 +280,7 @@ fn row(name: Cell, records: &[&TrialRecord]) -> Option<Vec<Cell>> {
         Cell::Share(share(late + missed, all)),
         format!("{late} + {missed}").into(),
         Cell::Number(quantile(&f, 0.5), 2),
-        Cell::Share(share(sum("decided_frames"), sum("loaded_frames"))),
+        coverage(records),
         Cell::Count(gripping),
         Cell::Number(auc(&scores(true), &scores(false)), 3),
         gross.filter(|_| is_ours).map_or(Cell::None, Cell::Count),

@@ -135,6 +135,13 @@ pub struct Seen {
     pub estimates: ReportEstimates,
 }
 
+impl Seen {
+    /// Whether the frame is decided, as coverage counts it.
+    pub fn is_decided(&self) -> bool {
+        matches!(self.state, SlipState::Stick | SlipState::Incipient | SlipState::Gross)
+    }
+}
+
 /// Results of a trial.
 #[derive(Debug, Clone, Default)]
 pub struct Watched {

@@ -9,7 +9,7 @@
 //! same time. A finger that cannot be judged is left to the other; a grasp of which neither can be judged is named and
 //! not counted.
 
-use super::clip_record::note_of_unjudged;
+use super::clip_record::note_of_uncounted;
 use super::clip_verdict::judged;
 use super::clip_watch::{RestFrom, Seen};
 use super::clips::Clips;
@@ -245,7 +245,7 @@ impl Protocol for Wriggles {
         if one_finger > 0 {
             note += &format!(" Grasps with a video that could not be judged, by the other finger alone: {one_finger}.");
         }
-        note += &note_of_unjudged(records);
+        note += &note_of_uncounted(records);
         let mut table = Table::new(
             "Wriggles",
             &note,

@@ -135,12 +135,14 @@ fn coverage_chart(records: &[TrialRecord]) -> Option<Chart> {
     };
     let series: Vec<Series> = answers.into_iter().enumerate().filter_map(of).collect();
     let least = series.iter().flat_map(|s| &s.points).map(|point| point.1).fold(1.0, f64::min);
+    let low = (10.0 * least).floor() / 10.0 - 0.1;
     (!series.is_empty()).then(|| Chart {
         title: "Accuracy against coverage: margins stated as less sure called unsure".into(),
         x_label: "share of the ramps that are judged".into(),
         y_label: "share of them that is right".into(),
         x: (0.0, 1.0),
-        y: ((10.0 * least).floor() / 10.0 - 0.1, 1.0),
+        // A curve along the frame can be seen.
+        y: (low, 1.0 + 0.03 * (1.0 - low)),
         series,
         lines_at: Vec::new(),
         ranges: Vec::new(),
@@ -334,6 +336,15 @@ mod tests {
             assert_eq!(curve(&both)[0].name, curve(&alone)[0].name);
         }
     }
+
+    #[test]
+    fn the_curve_of_a_detector_that_is_always_right_is_inside_the_frame() {
+        let line = r#"{"number":0,"trial":"t","object":"o","detector":"ours","truth":true,"verdict":true,"score":1.0,
+            "first_alarm_frame":1,"outcome":"in_time","margin_sd":0.1}"#;
+        let chart = coverage_chart(&vec![TrialRecord::parse(line).expect("a record"); 20]).expect("a curve");
+        assert!(chart.series[0].points.iter().all(|point| point.1 == 1.0) && chart.y.1 > 1.0, "{:?}", chart.y);
+    }
+
     /// Leads of the ramps that the table takes, of no false alarm, none beyond the axis, and ours in front of the others.
     #[test]
     fn the_lead_is_that_of_ramps_of_one_second() {

@@ -6,7 +6,7 @@ use clap::builder::PossibleValuesParser;
 use slipbound::monitor::EstimateTrees;
 use slipbound::sensor::Sensor;
 use slipbound_lab::eval::clips::Clips;
-use slipbound_lab::eval::folder::Shard;
+use slipbound_lab::eval::folder::{Shard, TRIALS_MOST};
 use slipbound_lab::eval::lifts::Lifts;
 use slipbound_lab::eval::ramps::{RampChanges, Ramps};
 use slipbound_lab::eval::wriggles::Wriggles;
@@ -19,9 +19,6 @@ use std::path::{Path, PathBuf};
 
 /// In place of a protocol: joins folders.
 pub(super) const MERGE: &str = "merge";
-
-/// Largest number of trials of a sweep.
-const TRIALS_MOST: u64 = 10_000_000;
 
 /// The arguments that say which trials are judged, and by whom.
 #[derive(Debug, clap::Args)]
