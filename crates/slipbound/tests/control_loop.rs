@@ -524,6 +524,33 @@ fn a_force_that_stays_short_is_a_fault_after_a_second_and_a_half() {
     }
 }
 
+/// The end of a time, or of the source: with a force that stays short it is the fault that has ended the work.
+#[test]
+fn work_whose_time_is_over_with_a_fault_has_ended_by_the_fault() {
+    for (hold_s, most_n, is_fault) in [(1, 5.0, true), (60, 5.0, true), (1, 60.0, false)] {
+        let mut settings = hold();
+        settings.lift.hold_ns = hold_s * 1_000_000_000;
+        let mut control = control(scenes(&[(20, Scene::Open), (70, Scene::Held(0.0))]), &settings);
+        let mut gripper = MyGripper { most_n: Some(most_n), ..MyGripper::default() };
+        let mut wrist = MyWrist::default();
+        let case = format!("{hold_s} s, {most_n} N");
+        for cycle in 0..=90 {
+            let outcome = control.cycle(cycle * FRAME_NS, &mut gripper, &mut wrist, &mut ()).expect("goes on");
+            assert_eq!(outcome == CycleOutcome::SourceEnded, cycle == 90, "{case}: cycle {cycle}");
+            let has_ended = outcome.has_ended();
+            match outcome.is_over(control.fault()) {
+                Ok(is_over) => assert!(is_over == (has_ended || cycle == 90) && !(is_over && is_fault), "{case}"),
+                Err(ControlError::Fault { fault, waited_ns: 0 }) => {
+                    assert!((has_ended || cycle == 90) && fault.kind == FaultKind::ForceShortfall, "{case}: {fault}");
+                }
+                Err(error) => panic!("{case}: {error}"),
+            }
+            assert_eq!(outcome.commanded().is_some_and(|c| c.ending().is_some()), has_ended && !is_fault, "{case}");
+            assert!(hold_s == 60 || cycle < 86 || cycle == 90 || has_ended, "{case}: held to its end");
+        }
+    }
+}
+
 /// A camera whose light comes on late: why nothing begins is shown until it does.
 #[test]
 fn dark_frames_are_no_rest_frame_and_an_observer_is_shown_why() {
