@@ -551,6 +551,22 @@ fn work_whose_time_is_over_with_a_fault_has_ended_by_the_fault() {
     }
 }
 
+#[test]
+fn a_hand_whose_fingers_are_all_on_one_side_is_refused() {
+    let finger = |side: Side, name: &str| {
+        let painter = Painter::new(SIZE, PITCH_PX, 8.0, Skin::Smooth, 0.5, 11);
+        let sensor = painter.sensor.clone();
+        let camera = Camera { painter, scenes: VecDeque::new(), seq: 0 };
+        FingerPipeline::new(name, Mounting::on(side), sensor, Settings::default(), Box::new(camera))
+    };
+    let made = |second| {
+        let task = hold().task(TaskKind::Lift, None).expect("valid");
+        ControlLoop::new(vec![finger(Side::Left, "a"), finger(second, "b")], task).map(drop)
+    };
+    assert_eq!(made(Side::Right), Ok(()));
+    assert_eq!(made(Side::Left).expect_err("one side").key, "fingers[1].side");
+}
+
 /// A camera whose light comes on late: why nothing begins is shown until it does.
 #[test]
 fn dark_frames_are_no_rest_frame_and_an_observer_is_shown_why() {
