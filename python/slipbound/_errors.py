@@ -92,7 +92,17 @@ class WristError(Error, RuntimeError):
 
 
 class ControlError(Error, RuntimeError):
-    """The control loop was left before its task ended. The wrist was paused first, the gripper keeps its force."""
+    """The control loop was left before its task ended. The wrist was paused first, the gripper keeps its force.
+
+    Attributes
+    ----------
+    kind : str
+        For callers to act on: ``fault`` (of gripper or wrist, see :attr:`slipbound.control.Cycle.fault_kind`), ``source``,
+        ``frame``, ``setting``, ``rest``, ``touched``, ``held_force_unknown``, ``monitor``, ``interrupted``, ``world`` (of a
+        simulated hand) or ``other``.
+    """
+
+    kind: str = "other"
 
 
 class InternalError(Error, RuntimeError):

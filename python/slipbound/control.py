@@ -229,7 +229,9 @@ class ControlLoop:
     def run(self, clock: Callable[[], int] = time.monotonic_ns) -> Cycle:
         """Run cycles as fast as the sources give frames until the task or a source has ended; return the last cycle.
 
-        Whatever ends it, Ctrl-C too, the wrist stands and the gripper keeps its force.
+        Whatever ends it, Ctrl-C too, the wrist stands and the gripper keeps its force. As on the command line, work whose
+        time is over, or whose source, while gripper or wrist have a fault has ended by that fault: a
+        :class:`slipbound.ControlError`.
 
         Parameters
         ----------
@@ -240,14 +242,19 @@ class ControlLoop:
         -------
         Cycle
             The last one.
+
+        Raises
+        ------
+        slipbound.ControlError
+            When the loop was left, or a fault has ended the work.
         """
         try:
             cycle = self.cycle(clock())
-            while not (cycle.has_ended or cycle.outcome == "source_ended"):
+            while not cycle.is_over():
                 cycle = self.cycle(clock())
         except BaseException as error:
             try:
-                self._loop.leave(self._gripper, self._wrist)
+                self.leave()
             except Exception as leaving:
                 # The exception that ended the loop is the cause: it reaches the caller.
                 if sys.version_info >= (3, 11):
@@ -255,5 +262,13 @@ class ControlLoop:
                 else:
                     leaving.__context__, error.__context__ = error.__context__, leaving
             raise
-        self._loop.leave(self._gripper, self._wrist)
+        self.leave()
         return cycle
+
+    def leave(self) -> None:
+        """Leave the hand before its task has ended, where no further :meth:`cycle` follows.
+
+        The wrist pauses, then the gripper keeps its force, or holds with ``grip.blind_force_n`` of the settings if that is set and
+        higher. :meth:`run` does so by itself, and so does :meth:`cycle` where it raises.
+        """
+        self._loop.leave(self._gripper, self._wrist)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _slipbound as _native
+from ._errors import ControlError
 from ._slipbound import HandRun as _HandRun
 from ._slipbound import Report, Sensor, Settings, SimulatedFrame, Simulation, TaskSettings, Truth
 
@@ -124,10 +125,21 @@ class Hand:
         -------
         slipbound.control.Cycle
             The last one.
+
+        Raises
+        ------
+        slipbound.ControlError
+            When the loop was left, or a fault of gripper or wrist has ended the work.
         """
         after_count = 0
         while True:
             cycle = self.cycle(observer)
+            if not after_count:
+                try:
+                    cycle.is_over()
+                except ControlError:
+                    self.leave()
+                    raise
             after_count += cycle.has_ended
             if cycle.outcome == "source_ended" or after_count > cycles_after_end:
                 return cycle

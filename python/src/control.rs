@@ -1,7 +1,9 @@
 //! The control loop, and simulated hands around it, driven from Python cycle by cycle.
 
 use crate::cycle::Cycle;
-use crate::errors::{config as config_error, data, exclusive, guarded, internal, setting};
+use crate::errors::{
+    config as config_error, control as control_error, data, exclusive, guarded, internal, of_control, setting,
+};
 use crate::monitor::rest_given;
 use crate::picture::byte_order;
 use crate::ports::{
@@ -10,7 +12,7 @@ use crate::ports::{
 use crate::sensor::{Sensor, sensor_of, settings_of};
 use pyo3::gc::{PyTraverseError, PyVisit};
 use pyo3::prelude::*;
-use slipbound::control::{ControlError as CoreControlError, ControlLoop as CoreLoop, CycleOutcome};
+use slipbound::control::{ControlLoop as CoreLoop, CycleOutcome};
 use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::grip::Guard;
 use slipbound::hand::{Mounting, Side};
@@ -22,8 +24,6 @@ use slipbound_lab::lockstep::{LockStep, LockStepError};
 use slipbound_rig::config;
 use std::path::PathBuf;
 use std::sync::Mutex;
-
-pyo3::import_exception!(slipbound._errors, ControlError);
 
 /// A task with the controller of the settings (None), the one of a name, or one written in Python, which is added to
 /// `held`. Every finger must provide what the task needs; the gel is that of the first.
@@ -136,27 +136,19 @@ fn task_settings(argument: Option<&Bound<'_, PyAny>>) -> PyResult<TaskSettings> 
 }
 
 /// A cycle that has been made, or the reason why the loop was left.
-fn finished<E: std::fmt::Display>(
-    raised: &FirstException,
-    outcome: Result<CycleOutcome, E>,
-    newest: Option<Cycle>,
-) -> PyResult<Cycle> {
+fn finished(raised: &FirstException, outcome: PyResult<CycleOutcome>, newest: Option<Cycle>) -> PyResult<Cycle> {
     if let Some(error) = raised.take() {
         return Err(error);
     }
-    outcome.map_err(|error| ControlError::new_err(error.to_string()))?;
+    outcome?;
     newest.ok_or_else(|| internal("a cycle that nobody was shown"))
 }
 
-/// Refuses a hand whose fingers are all on one side: it cannot hold anything.
-fn check_sides(sides: &[Side]) -> Result<(), BadSetting> {
-    match sides {
-        [first, .., last] if sides.iter().all(|side| side == first) => Err(BadSetting {
-            key: format!("fingers[{}].side", sides.len() - 1),
-            expected: "fingers on both sides".into(),
-            got: format!("`{}` for all {}", last.name(), sides.len()),
-        }),
-        _ => Ok(()),
+/// The exception for a simulated hand that was left.
+fn of_lock_step(error: &LockStepError) -> PyErr {
+    match error {
+        LockStepError::Control(error) => control_error(error),
+        LockStepError::World(_) => of_control("world", error),
     }
 }
 
@@ -203,7 +195,7 @@ impl Loop {
     ) -> PyResult<Self> {
         let (raised, mut held) = (FirstException::default(), Vec::new());
         let order = byte_order(order)?;
-        let (mut pipelines, mut sides): (Vec<FingerPipeline>, Vec<Side>) = (Vec::new(), Vec::new());
+        let mut pipelines: Vec<FingerPipeline> = Vec::new();
         for finger in fingers {
             let FingerRow { name, turn_rad, source: object, rest, refuses_touch, .. } = finger;
             if name.is_empty() || pipelines.iter().any(|other| other.name() == name) {
@@ -211,7 +203,6 @@ impl Loop {
                 return Err(setting(BadSetting { key, expected, got: format!("`{name}`") }));
             }
             let side: Side = finger.side.parse().map_err(setting)?;
-            sides.push(side);
             let sensor = sensor_of(&finger.sensor)?;
             let monitor = settings_of(finger.settings.as_ref())?;
             let rest = rest_given(py, &rest, order, &sensor, &monitor)?;
@@ -233,7 +224,6 @@ impl Loop {
                 expected: "one to four".into(),
             }));
         }
-        check_sides(&sides).map_err(setting)?;
         let (kind, settings) = (task.parse().map_err(setting)?, task_settings(settings)?);
         let sensors: Vec<&CoreSensor> = pipelines.iter().map(FingerPipeline::sensor).collect();
         let task = task_of(kind, controller, settings, &sensors, &raised, &mut held)?;
@@ -272,7 +262,7 @@ impl Loop {
                 if raised.is_set() && outcome.is_ok() {
                     control.leave(&mut gripper, &mut wrist);
                 }
-                finished::<CoreControlError>(raised, outcome, newest)
+                finished(raised, outcome.map_err(|error| control_error(&error)), newest)
             })
         })
     }
@@ -352,7 +342,7 @@ impl HandRun {
                 if raised.is_set() && outcome.is_ok() {
                     run.leave();
                 }
-                finished::<LockStepError>(raised, outcome, newest)
+                finished(raised, outcome.map_err(|error| of_lock_step(&error)), newest)
             })
         })
     }

@@ -1,12 +1,12 @@
 //! What an observer receives after a cycle of the control loop.
 
-use crate::errors::{data, word};
+use crate::errors::{data, of_control, word};
 use crate::field::Kept;
 use crate::picture::{array, byte_order};
 use crate::report::Report;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
-use slipbound::control::{Cycle as CoreCycle, CycleOutcome, CycleView};
+use slipbound::control::{Cycle as CoreCycle, CycleOutcome, CycleView, FaultKind};
 use slipbound::monitor::SlipReport;
 use slipbound::port::FrameBuffer;
 use std::sync::Arc;
@@ -22,9 +22,11 @@ struct Inner {
     now_ns: u64,
     outcome: &'static str,
     has_ended: bool,
+    /// Whether the run is over, or the text of the fault that has ended it.
+    is_over: Result<bool, String>,
     record: Option<CoreCycle>,
     fingers: Vec<Seen>,
-    fault: Option<String>,
+    fault: Option<(FaultKind, String)>,
 }
 
 /// A cycle of the control loop: what was measured and commanded.
@@ -51,9 +53,10 @@ impl Cycle {
             now_ns: view.now_ns,
             outcome,
             has_ended: view.outcome.is_some_and(CycleOutcome::has_ended),
+            is_over: view.outcome.map_or(Ok(true), |outcome| outcome.is_over(view.fault)).map_err(|e| e.to_string()),
             record: view.cycle(),
             fingers: fingers.collect(),
-            fault: view.fault.map(|fault| fault.text.to_string()),
+            fault: view.fault.map(|fault| (fault.kind, fault.text.to_string())),
         }))
     }
 }
@@ -79,6 +82,21 @@ impl Cycle {
         self.0.has_ended
     }
 
+    /// Whether the run is over: the task or a source of frames has ended, or the loop was left.
+    ///
+    /// Returns
+    /// -------
+    /// bool
+    ///     Whether no further cycle is needed.
+    ///
+    /// Raises
+    /// ------
+    /// slipbound.ControlError
+    ///     When only a time was over, or a source, while gripper or wrist had a fault: the fault has ended the work.
+    fn is_over(&self) -> PyResult<bool> {
+        self.0.is_over.as_ref().copied().map_err(|text| of_control("fault", text))
+    }
+
     /// The force per finger that was commanded, N; None for a release, and where nothing was commanded.
     #[getter]
     fn force_n(&self) -> Option<f64> {
@@ -100,7 +118,24 @@ impl Cycle {
     /// The present fault of gripper or wrist.
     #[getter]
     fn fault(&self) -> Option<&str> {
-        self.0.fault.as_deref()
+        self.0.fault.as_ref().map(|(_, text)| text.as_str())
+    }
+
+    /// Its kind: `gripper_` or `wrist_` and the kind of the error, as in `gripper_link`; `gripper_stopped`,
+    /// `jaws_unknown`, `force_shortfall`, `hold_ended`, `wrist_stands` or `other`.
+    #[getter]
+    fn fault_kind(&self) -> PyResult<Option<String>> {
+        let Some((kind, _)) = &self.0.fault else { return Ok(None) };
+        Ok(Some(match kind {
+            FaultKind::Gripper(kind) => format!("gripper_{}", word(kind)?),
+            FaultKind::Wrist(kind) => format!("wrist_{}", word(kind)?),
+            FaultKind::GripperStopped => "gripper_stopped".into(),
+            FaultKind::JawsUnknown => "jaws_unknown".into(),
+            FaultKind::ForceShortfall => "force_shortfall".into(),
+            FaultKind::HoldEnded => "hold_ended".into(),
+            FaultKind::WristStands => "wrist_stands".into(),
+            _ => "other".into(),
+        }))
     }
 
     /// The report of every finger; None where no frame was judged.

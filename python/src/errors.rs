@@ -2,6 +2,7 @@
 
 use pyo3::prelude::*;
 use slipbound::calibrate::CalibrationError as CannotCalibrate;
+use slipbound::control::ControlError as CoreControlError;
 use slipbound::monitor::RestError as NoRest;
 use slipbound::port::SourceError as SourceFailure;
 use slipbound::setting::SettingError as BadSetting;
@@ -20,6 +21,7 @@ pyo3::import_exception!(slipbound._errors, SourceError);
 pyo3::import_exception!(slipbound._errors, ClosedError);
 pyo3::import_exception!(slipbound._errors, BusyError);
 pyo3::import_exception!(slipbound._errors, InternalError);
+pyo3::import_exception!(slipbound._errors, ControlError);
 pyo3::import_exception!(slipbound._errors, GripperError);
 pyo3::import_exception!(slipbound._errors, WristError);
 
@@ -101,6 +103,31 @@ pub fn source(py: Python<'_>, error: SourceFailure) -> PyErr {
         let missing = || std::fs::metadata(file).err().and_then(|e| e.raw_os_error());
         of_file(py, &exception, errno_of(&error).or_else(missing), file);
     }
+    exception
+}
+
+/// The exception for a loop that was left, with its kind as an attribute.
+pub fn control(error: &CoreControlError) -> PyErr {
+    let kind = match error {
+        CoreControlError::Source { .. } => "source",
+        CoreControlError::Frame { .. } => "frame",
+        CoreControlError::Setting { .. } => "setting",
+        CoreControlError::Rest { .. } => "rest",
+        CoreControlError::Touched { .. } => "touched",
+        CoreControlError::Monitor { .. } => "monitor",
+        CoreControlError::HeldForceUnknown => "held_force_unknown",
+        CoreControlError::Fault { .. } => "fault",
+        CoreControlError::Interrupted => "interrupted",
+        _ => "other",
+    };
+    of_control(kind, error)
+}
+
+/// The exception of this kind and text.
+pub fn of_control(kind: &str, text: impl Display) -> PyErr {
+    let exception = ControlError::new_err(text.to_string());
+    // An exception that takes no attribute keeps its text all the same.
+    let _ = Python::attach(|py| exception.value(py).setattr("kind", kind));
     exception
 }
 

@@ -202,7 +202,7 @@ fn wrong(key: &str, expected: impl Into<String>, got: impl Into<String>) -> Sett
 }
 
 /// The domain that `ROS_DOMAIN_ID` names. Set to nothing, as by a compose file, it counts as not set: domain 0.
-fn domain_of_environment(text: Option<&str>) -> Result<u16, Error> {
+pub fn domain_of_environment(text: Option<&str>) -> Result<u16, Error> {
     let Some(text) = text.filter(|text| !text.trim().is_empty()) else { return Ok(0) };
     let id = text.trim().parse().ok().filter(|id| *id <= DOMAIN_MOST);
     let expected = format!("a whole number from 0 to {DOMAIN_MOST}");

@@ -21,7 +21,9 @@ pub struct TopicGripper {
     commands: Publisher<GripCommandMessage>,
     states: Inbox<GripperStateMessage>,
     heartbeat: Heartbeat,
-    state: Option<GripperState>,
+    topic: String,
+    /// The newest state, or why it is none.
+    state: Option<Result<GripperState, String>>,
 }
 
 impl TopicGripper {
@@ -32,6 +34,7 @@ impl TopicGripper {
             commands: ros.publisher(&format!("{base}/command"), &LAST_RELIABLE)?,
             states: ros.inbox(&topic, &SENSOR_DATA)?,
             heartbeat: Heartbeat::new(&topic),
+            topic,
             state: None,
         })
     }
@@ -65,14 +68,17 @@ impl Gripper for TopicGripper {
     fn poll(&mut self) -> Result<GripperState, GripperError> {
         self.poll_io();
         self.heartbeat.check(now_ns()).map_err(|why| GripperError::new(GripperErrorKind::Link, why))?;
-        self.state.ok_or_else(|| GripperError::new(GripperErrorKind::NotReady, "expected a state, got none so far"))
+        match &self.state {
+            None => Err(GripperError::new(GripperErrorKind::NotReady, "expected a state, got none so far")),
+            Some(state) => state.clone().map_err(|why| GripperError::new(GripperErrorKind::Link, why)),
+        }
     }
 
     fn poll_io(&mut self) {
         if let Some(message) = self.states.newest() {
             let now_ns = now_ns();
             self.heartbeat.received(now_ns);
-            self.state = Some(state(now_ns, &message));
+            self.state = Some(state(now_ns, &message).map_err(|why| format!("{}: {why}", self.topic)));
         }
     }
 
@@ -81,23 +87,43 @@ impl Gripper for TopicGripper {
     }
 }
 
-/// The state in the loop's type; NaN and infinity count as unknown.
-fn state(now_ns: u64, message: &GripperStateMessage) -> GripperState {
+/// The state in the loop's type; NaN and infinity count as unknown. The error quotes a word for the jaws that the message
+/// does not have.
+fn state(now_ns: u64, message: &GripperStateMessage) -> Result<GripperState, String> {
     let known = |value: f64| value.is_finite().then_some(value);
-    GripperState {
+    let word = &message.jaws;
+    let wrong = |_| format!("expected jaws to be one of {}, got `{word}`", Jaws::NAMES.join(", "));
+    Ok(GripperState {
         time_ns: now_ns,
         force_n: known(message.force_n),
         force_error_n: known(message.force_error_n),
         target_n: known(message.target_n),
         opening_mm: known(message.opening_mm),
-        jaws: match message.jaws.as_str() {
-            "open" => Jaws::Open,
-            "closing" => Jaws::Closing,
-            "holding" => Jaws::Holding,
-            "nothing" => Jaws::Nothing,
-            "lost" => Jaws::Lost,
-            "stopped" => Jaws::Stopped,
-            _ => Jaws::Unknown,
-        },
+        jaws: word.parse().map_err(wrong)?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn jaws_are_those_of_the_message_and_another_word_is_quoted() {
+        let state = |jaws: &str| {
+            let header = Header { stamp: stamp(), frame_id: String::new() };
+            let (force_n, force_error_n, target_n, opening_mm) = (12.0, f64::NAN, f64::INFINITY, 40.0);
+            let jaws = jaws.into();
+            state(7, &GripperStateMessage { header, force_n, force_error_n, target_n, opening_mm, jaws })
+        };
+        for name in Jaws::NAMES {
+            let state = state(name).expect("of the message");
+            assert_eq!((state.jaws.name(), state.time_ns), (name, 7));
+            assert_eq!((state.force_n, state.force_error_n, state.target_n), (Some(12.0), None, None));
+        }
+        for word in ["grasped", "Holding", ""] {
+            let told = state(word).expect_err("no such state");
+            assert!(told.starts_with("expected jaws to be one of unknown, open, closing, "), "{told}");
+            assert!(told.ends_with(&format!("got `{word}`")), "{told}");
+        }
     }
 }

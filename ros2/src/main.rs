@@ -3,6 +3,7 @@
 mod commands;
 
 use clap::{Parser, Subcommand};
+use slipbound_rig::printable::printable;
 use slipbound_ros2::error::Error;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -51,7 +52,7 @@ fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
-            eprintln!("slipbound-ros2: {e}");
+            eprintln!("slipbound-ros2: {}", printable(&e.to_string()));
             ExitCode::from(match e.downcast_ref::<Error>() {
                 Some(Error::DataLost(_)) => 3,
                 Some(e) if e.is_argument() => 2,

@@ -13,6 +13,7 @@ mod terminal;
 
 use clap::{Command, CommandFactory, FromArgMatches};
 use outcome::{Failure, Outcome};
+use slipbound_rig::printable::printable;
 use std::borrow::Cow;
 use std::ffi::OsString;
 use std::io::{self, Write};
@@ -26,7 +27,7 @@ pub fn run<T: Into<OsString> + Clone>(args: impl IntoIterator<Item = T>) -> u8 {
         Err(help) => {
             // Our own help has colours; an error message quotes the input.
             let rendered = help.render().to_string();
-            let _ = match terminal::printable(&rendered) {
+            let _ = match printable(&rendered) {
                 Cow::Borrowed(_) => help.print(),
                 Cow::Owned(text) => write!(io::stderr(), "{text}"),
             }; // a closed terminal is not a failure

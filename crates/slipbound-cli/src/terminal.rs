@@ -2,7 +2,7 @@
 
 use crate::outcome::Failure;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::borrow::Cow;
+use slipbound_rig::printable::printable;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::sync_channel;
@@ -38,17 +38,6 @@ fn within<T: Send + 'static>(longest: Duration, write: impl FnOnce() -> T + Send
     let (give_back, written) = sync_channel(1);
     thread::spawn(move || drop(give_back.send(write()))); // nobody waited so long
     written.recv_timeout(longest).ok()
-}
-
-/// The text with control characters written out, as `\u{1b}`, except line ends and tabs: a file name or a gripper's
-/// answer must not control the terminal.
-pub fn printable(text: &str) -> Cow<'_, str> {
-    let commands = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
-    if !text.contains(commands) {
-        return Cow::Borrowed(text);
-    }
-    let written = |c: char| if commands(c) { c.escape_default().to_string() } else { c.to_string() };
-    Cow::Owned(text.chars().map(written).collect())
 }
 
 /// Lines for a person, above a progress bar if standard error is a terminal.
@@ -177,13 +166,5 @@ mod tests {
         let full = anyhow::Error::new(avi_writer::Error::Write { path: "drawn.avi".into(), source });
         assert_eq!(in_words(&full), format!("drawn.avi: cannot write: {cause}"));
         assert_eq!(in_words(&full.context("clip")), format!("clip: drawn.avi: cannot write: {cause}"));
-    }
-
-    #[test]
-    fn control_characters_are_written_out_and_everything_else_stays() {
-        assert_eq!(printable("\u{1b}[2J\r\u{7}\u{9b}x\0"), "\\u{1b}[2J\\r\\u{7}\\u{9b}x\\u{0}");
-        for plain in ["an image.png", "two\nlines\tand a tab", "\u{3b1}\u{3b2} \u{4e2d}\u{6587}"] {
-            assert_eq!(printable(plain), plain);
-        }
     }
 }

@@ -103,8 +103,27 @@ fn a_gripper_that_does_not_press_harder_ends_the_task_and_no_cap_is_called_tight
         let output = demo(&run, &["--set", "mu=0.9", "--emulated", "wsg50", "--gripper-fault", fault]);
         assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
         assert!(printed(&output).contains(said) && printed(&output).contains("waited 10 s"), "{}", printed(&output));
-        assert_eq!(row(&printed(&output), "ended"), "not", "{}", printed(&output));
+        assert_eq!(row(&printed(&output), "ended"), "gripper:", "{}", printed(&output));
         assert_eq!(row(&printed(&output), "slid in the fingers"), "0.00", "{}", printed(&output));
+    }
+}
+
+/// As in real time: in the table and the events as in the exit code.
+#[test]
+fn what_is_held_to_the_end_of_its_time_with_a_fault_has_failed() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let (settings, run) = (scratch.path().join("hold.toml"), scratch.path().join("run"));
+    fs::write(&settings, "[lift]\nlift_mm = 0.0\nhold_ns = 4000000000\n").expect("written");
+    let settings = ["--settings", settings.to_str().expect("UTF-8"), "--controller", "constant"];
+    let weak = ["--task", "lift", "--emulated", "wsg50", "--gripper-fault", "gain=0.6"];
+    let output = demo(&run, &[&weak[..], &settings].concat());
+    let told = printed(&output);
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    let ended = told.lines().find(|line| line.starts_with("  ended ")).expect("a row");
+    assert!(ended.ends_with("gripper: expected 10.0 N per finger, measured 6.0 N for too long: missed"), "{told}");
+    let events = fs::read_to_string(run.join("events.jsonl")).expect("events");
+    for text in [&told, &events] {
+        assert!(!text.contains("held to the end") && !text.contains("waited"), "{text}");
     }
 }
 

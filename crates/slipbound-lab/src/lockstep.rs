@@ -145,12 +145,18 @@ impl LockStep {
         &self.score
     }
 
-    /// Runs cycles until half a second after the end of the task, or until the scene ends. `stop` ends the run with
-    /// [`ControlError::Interrupted`]: the wrist is paused and the grip kept.
+    /// Runs cycles until half a second after the end of the task, or until the scene ends. An error where a fault has
+    /// ended the task ([`CycleOutcome::is_over`]). `stop` ends the run with [`ControlError::Interrupted`]: the wrist is
+    /// paused and the grip kept.
     pub fn run(&mut self, stop: &dyn Fn() -> bool, observer: &mut dyn CycleObserver) -> Result<(), LockStepError> {
         let mut after_count = 0;
         loop {
             let outcome = self.cycle(observer)?;
+            let is_over = outcome.is_over(self.control.fault());
+            if let (Err(fault), 0) = (is_over, after_count) {
+                self.leave();
+                return Err(fault.into());
+            }
             if outcome == CycleOutcome::SourceEnded {
                 return Ok(());
             }
@@ -172,12 +178,9 @@ impl LockStep {
         let mut observer = WithTruth { observer, truth: truth.record() };
         let (gripper, wrist) = self.actuators.ports();
         let outcome = self.control.cycle(now_ns, gripper, wrist, &mut observer);
-        match outcome.as_ref().ok().map(CycleOutcome::commanded) {
-            Some(Some(cycle)) => {
-                let commanded_n = cycle.grip_command.force_n();
-                self.score.add_cycle(now_ns, cycle.phase, commanded_n, cycle.alarms_count, Some(&truth));
-            }
-            _ => self.score.add_truth(&truth),
+        match outcome.as_ref().ok().and_then(CycleOutcome::commanded) {
+            Some(cycle) => self.score.add_cycle(cycle, Some(&truth)),
+            None => self.score.add_truth(&truth),
         }
         match outcome {
             Ok(_) => self.actuators.advance_frame(&self.hand),

@@ -5,6 +5,7 @@
 //! ```
 
 use crate::hand::HandTruth;
+use slipbound::control::Cycle;
 use slipbound::task::{Ending, Phase, TaskKind};
 
 /// Least force of the gripper, N per finger: even a perfect controller cannot press with less.
@@ -85,19 +86,12 @@ impl RunScore {
         }
     }
 
-    /// Adds a cycle: its time, the phase of the task, the force per finger that was commanded (None for a release), the
-    /// controller's count of alarms so far, and the ground truth at that time, if known.
-    pub fn add_cycle(
-        &mut self,
-        now_ns: u64,
-        phase: Phase,
-        commanded_n: Option<f64>,
-        alarms_count: u32,
-        truth: Option<&HandTruth>,
-    ) {
-        self.time_s = now_ns as f64 * 1e-9;
+    /// Adds a cycle, with the ground truth at its time, if known. An ending counts as [`Cycle::ending`] tells it.
+    pub fn add_cycle(&mut self, cycle: &Cycle, truth: Option<&HandTruth>) {
+        let (commanded_n, alarms_count) = (cycle.grip_command.force_n(), cycle.alarms_count);
+        self.time_s = cycle.time_ns as f64 * 1e-9;
         self.most_n = self.most_n.max(commanded_n.unwrap_or(0.0));
-        if let (Phase::Ended(ending), None) = (phase, self.ending) {
+        if let (Some(ending), None) = (cycle.ending(), self.ending) {
             self.ending = Some(ending);
             self.ended_s = Some(self.time_s);
         }
@@ -108,7 +102,7 @@ impl RunScore {
             self.first_alarm_used_fraction = Some(truth.required_n / truth.grip_force_n);
         }
         self.let_go = commanded_n.is_none();
-        if !self.let_go && matches!(phase, Phase::Working | Phase::Waiting | Phase::Ended(_)) {
+        if !self.let_go && matches!(cycle.phase, Phase::Working | Phase::Waiting | Phase::Ended(_)) {
             self.least_held_n.get_or_insert(truth.grip_force_n);
         }
         self.add_truth(truth);
@@ -188,6 +182,36 @@ impl RunScore {
 mod tests {
     use super::*;
     use crate::plants::{BottleTruth, CapTruth, GroundTruth};
+    use slipbound::hand::{Hand, Mounting, Side};
+    use slipbound::port::{GripCommand, GripperState, Jaws, WristCommand, WristMotion, WristState};
+
+    fn cycle(time_ns: u64, phase: Phase, commanded_n: Option<f64>, alarms_count: u32) -> Cycle {
+        let hand = Hand::new(&[Mounting::on(Side::Left)]).expect("one finger").report(time_ns);
+        Cycle {
+            time_ns,
+            hand,
+            gripper: GripperState {
+                time_ns,
+                force_n: None,
+                force_error_n: None,
+                target_n: None,
+                opening_mm: None,
+                jaws: Jaws::Holding,
+            },
+            idle_force_n: 0.0,
+            wrist: WristState { time_ns, angle_rad: 0.0, lowered_mm: 0.0, moving: false },
+            grip_command: commanded_n.map_or(GripCommand::Release, |force_n| GripCommand::Hold { force_n }),
+            wrist_command: WristCommand::new(WristMotion::Pause),
+            phase,
+            margin: None,
+            alarms_count,
+            slips_count: 0,
+            truth: None,
+            fault: false,
+            on_fault: false,
+            refused_lowering: false,
+        }
+    }
 
     fn pressed(grip_force_n: f64, required_n: f64) -> HandTruth {
         HandTruth { grip_force_n, required_n, ..HandTruth::default() }
@@ -213,19 +237,19 @@ mod tests {
     #[test]
     fn forces_alarms_and_the_ending_add_up_over_cycles() {
         let mut score = RunScore::new(60.0);
-        score.add_cycle(SECOND_NS, Phase::Grasping, Some(10.0), 0, Some(&pressed(2.0, 0.0)));
+        score.add_cycle(&cycle(SECOND_NS, Phase::Grasping, Some(10.0), 0), Some(&pressed(2.0, 0.0)));
         assert_eq!(score.least_held_n, None, "still grasping");
-        score.add_cycle(2 * SECOND_NS, Phase::Working, Some(10.0), 0, Some(&pressed(10.0, 6.0)));
-        score.add_cycle(3 * SECOND_NS, Phase::Waiting, Some(14.0), 1, Some(&pressed(10.0, 8.0)));
-        score.add_cycle(4 * SECOND_NS, Phase::Working, Some(14.0), 2, Some(&pressed(14.0, 4.0)));
+        score.add_cycle(&cycle(2 * SECOND_NS, Phase::Working, Some(10.0), 0), Some(&pressed(10.0, 6.0)));
+        score.add_cycle(&cycle(3 * SECOND_NS, Phase::Waiting, Some(14.0), 1), Some(&pressed(10.0, 8.0)));
+        score.add_cycle(&cycle(4 * SECOND_NS, Phase::Working, Some(14.0), 2), Some(&pressed(14.0, 4.0)));
         score.add_truth(&HandTruth { slid_mm: 0.3, ..pressed(9.0, 4.0) });
         assert_eq!((score.ending, score.alarms_count, score.most_n), (None, 2, 14.0));
         assert_eq!((score.least_held_n, score.last.grip_force_n), (Some(9.0), 9.0));
         assert_eq!(score.first_alarm_used_fraction(), Some(0.8), "at the first of the two");
         assert_eq!(score.over_squeeze_ratio(), Some(20.0 / 14.0), "only where more than 5 N was required");
-        score.add_cycle(5 * SECOND_NS, Phase::Ended(Ending::Held), None, 2, None);
+        score.add_cycle(&cycle(5 * SECOND_NS, Phase::Ended(Ending::Held), None, 2), None);
         let opened = HandTruth { slid_mm: 2.0, ..pressed(-0.01, 4.0) };
-        score.add_cycle(6 * SECOND_NS, Phase::Ended(Ending::Lost), None, 2, Some(&opened));
+        score.add_cycle(&cycle(6 * SECOND_NS, Phase::Ended(Ending::Lost), None, 2), Some(&opened));
         assert_eq!((score.slid_mm, score.last.slid_mm), (0.3, 2.0), "what it slides while it is let go does not count");
         assert_eq!((score.ending, score.ended_s, score.time_s), (Some(Ending::Held), Some(5.0), 6.0));
         assert_eq!((score.most_n, score.last.grip_force_n), (14.0, -0.01), "a release commands no force");
@@ -235,13 +259,23 @@ mod tests {
         assert_eq!(RunScore::new(60.0).over_squeeze_ratio(), None);
     }
 
+    #[test]
+    fn what_is_held_to_the_end_of_the_time_with_a_fault_has_not_ended() {
+        for (ending, counts) in [(Ending::Held, false), (Ending::NothingHeld, false), (Ending::Lost, true)] {
+            let mut score = RunScore::new(60.0);
+            score.add_cycle(&Cycle { fault: true, ..cycle(SECOND_NS, Phase::Ended(ending), Some(10.0), 0) }, None);
+            let expected = (Some(ending).filter(|_| counts), Some(1.0).filter(|_| counts));
+            assert_eq!((score.ending, score.ended_s), expected, "{ending:?}");
+        }
+    }
+
     /// A cap of radius 14 mm at friction 0.6, gripped with 30 N.
     fn turned(limit_n: f64, ending: Ending, torque_n_mm: f64, angle_rad: f64) -> RunScore {
         let cap = CapTruth { torque_n_mm, limit_n_mm: 2.0 * 0.6 * 30.0 * 14.0, angle_rad, ..CapTruth::default() };
         let mut score = RunScore::new(limit_n);
         let truth = HandTruth { cap: Some(cap), ..pressed(30.0, 20.0) };
-        score.add_cycle(0, Phase::Working, Some(30.0), 0, Some(&truth));
-        score.add_cycle(SECOND_NS, Phase::Ended(ending), Some(30.0), 0, Some(&truth));
+        score.add_cycle(&cycle(0, Phase::Working, Some(30.0), 0), Some(&truth));
+        score.add_cycle(&cycle(SECOND_NS, Phase::Ended(ending), Some(30.0), 0), Some(&truth));
         score
     }
 

@@ -19,6 +19,7 @@
 //! | recordings in one file: frames as they came, reports, settings | `container` |
 //! | run folder and page of a closed loop, and its replay | [`run`] |
 //! | a page of tables, charts and images | [`html_page`] |
+//! | text from elsewhere, for a terminal | [`printable`] |
 //! | grippers by their own protocols | [`gripper`] |
 //! | the arm behind the hand | [`wrist`] |
 //! | emulators of the same grippers, for tests without hardware | [`emulator`] |
@@ -58,6 +59,7 @@ pub mod html_page;
 pub mod line_file;
 pub mod link;
 pub mod overlay;
+pub mod printable;
 pub mod realtime;
 mod replaced_file;
 pub mod report_csv;

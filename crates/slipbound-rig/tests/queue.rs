@@ -128,8 +128,15 @@ fn a_cycle_that_is_lost_on_the_way_to_a_run_is_a_gap_after_which_no_frame_is_kep
     let show = |queue: &mut QueuedObserver<SlowDisk>, n: usize| {
         let frame = FrameBuffer { seq: n as u64, encoded: vec![n as u8; 3], ..FrameBuffer::default() };
         let outcome = CycleOutcome::Commanded(cycles[n]);
-        let finger =
-            |name| FingerView { name, next: &Next::Frame, frame: &frame, report: None, monitor: None, rest_kind: None };
+        let finger = |name| FingerView {
+            name,
+            next: &Next::Frame,
+            frame: &frame,
+            report: None,
+            monitor: None,
+            rest_kind: None,
+            rest_error: None,
+        };
         let fingers: Vec<FingerView<'_>> = info.fingers.iter().map(|of| finger(of.name.as_str())).collect();
         queue.after_cycle(&CycleView {
             now_ns: cycles[n].time_ns,
@@ -173,8 +180,15 @@ fn a_cycle_that_is_lost_on_the_way_to_a_recording_is_a_gap_after_which_no_frame_
             observer.lost_cycles(6);
         }
         let frame = FrameBuffer { seq: n as u64, ..FrameBuffer::default() };
-        let finger =
-            |name| FingerView { name, next: &Next::Frame, frame: &frame, report: None, monitor: None, rest_kind: None };
+        let finger = |name| FingerView {
+            name,
+            next: &Next::Frame,
+            frame: &frame,
+            report: None,
+            monitor: None,
+            rest_kind: None,
+            rest_error: None,
+        };
         let fingers: Vec<FingerView<'_>> = info.fingers.iter().map(|of| finger(of.name.as_str())).collect();
         observer.after_cycle(&CycleView {
             now_ns: cycles[n].time_ns,
@@ -251,6 +265,7 @@ fn a_recycled_snapshot_shows_this_cycle_and_pixels_and_monitor_when_a_slip_begin
             report: None,
             monitor: Some(&monitor),
             rest_kind: None,
+            rest_error: None,
         };
         queue.after_cycle(&CycleView {
             now_ns: n as u64,

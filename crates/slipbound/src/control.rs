@@ -31,7 +31,7 @@ pub use observer::{CycleObserver, CycleView};
 use crate::events::{SlipEpisodes, SlipObservation};
 use crate::finger_pipeline::{FingerPipeline, FingerView, MonitorRunner, Sequential};
 use crate::grip::{ForceSense, GripController};
-use crate::hand::{FINGERS_MOST, Hand, HandReport, Mounting};
+use crate::hand::{FINGERS_MOST, Hand, HandReport, Mounting, check_sides};
 use crate::monitor::{RestKind, SlipState};
 use crate::port::{
     DriverEvent, GripCommand, GripSample, Gripper, GripperErrorKind, GripperState, Jaws, Wrist, WristCommand,
@@ -94,9 +94,10 @@ pub struct ControlLoop {
 
 impl ControlLoop {
     /// A loop before its first cycle; its monitors run one after the other. Fails for an invalid hand: no finger, more
-    /// than [`FINGERS_MOST`], or a mounting that is not a number.
+    /// than [`FINGERS_MOST`], several that are all on one side, or a mounting that is not a number.
     pub fn new(fingers: Vec<FingerPipeline>, task: Box<dyn Task + Send>) -> Result<Self, SettingError> {
         let mountings: Vec<Mounting> = fingers.iter().map(FingerPipeline::mounting).collect();
+        check_sides(&mountings)?;
         Ok(ControlLoop {
             hand: Hand::new(&mountings)?,
             fingers,

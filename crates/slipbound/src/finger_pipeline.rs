@@ -32,6 +32,7 @@ pub struct FingerPipeline {
     rest: Option<Rest>,
     rest_finder: Option<RestFinder>,
     rest_kind: Option<RestKind>,
+    rest_error: Option<RestError>,
     monitor: Option<Box<SlipMonitor>>,
     frame: FrameBuffer,
     next: Next,
@@ -70,6 +71,9 @@ pub struct FingerView<'a> {
     pub monitor: Option<&'a SlipMonitor>,
     /// Whether the finger was unloaded or in contact in its rest frame; None before that is known.
     pub rest_kind: Option<RestKind>,
+    /// Why the frames so far have no rest frame, for example because they are dark; None before there were enough of them,
+    /// and once it is known. Nothing is commanded meanwhile.
+    pub rest_error: Option<&'a RestError>,
 }
 
 impl FingerPipeline {
@@ -91,6 +95,7 @@ impl FingerPipeline {
             rest: None,
             rest_finder: None,
             rest_kind: None,
+            rest_error: None,
             monitor: None,
             frame: FrameBuffer::default(),
             next: Next::Silent,
@@ -155,6 +160,7 @@ impl FingerPipeline {
             report: self.report.as_ref(),
             monitor: self.monitor.as_deref(),
             rest_kind: self.rest_kind,
+            rest_error: self.rest_error.as_ref(),
         }
     }
 
@@ -209,7 +215,11 @@ impl FingerPipeline {
         let found = match self.rest_finder.take().map(|finder| finder.find()) {
             Some(Ok(found)) => found,
             // Only dark frames so far: the loop waits, nothing is held yet.
-            Some(Err(RestError::NoStationaryFrame { .. })) | None => return Ok(()),
+            Some(Err(error @ RestError::NoStationaryFrame { .. })) => {
+                self.rest_error = Some(error);
+                return Ok(());
+            }
+            None => return Ok(()),
             Some(Err(source)) => return Err(ControlError::Rest { finger: finger(), source }),
         };
         if self.refuses_touch && found.rest.kind() == RestKind::InContact {
@@ -231,7 +241,7 @@ impl FingerPipeline {
     }
 
     fn judge_against(&mut self, rest: Rest) -> Result<(), ControlError> {
-        self.rest_kind = Some(rest.kind());
+        (self.rest_kind, self.rest_error) = (Some(rest.kind()), None);
         let monitor = SlipMonitor::new(&self.sensor, &self.settings, rest);
         self.monitor =
             Some(Box::new(monitor.map_err(|source| ControlError::Setting { finger: self.name.clone(), source })?));

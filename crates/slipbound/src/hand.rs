@@ -70,6 +70,18 @@ pub struct Hand {
     now_ns: Option<u64>,
 }
 
+/// Refuses fingers that are all on one side: they cannot hold anything. A single finger may be the one with a camera.
+pub fn check_sides(mountings: &[Mounting]) -> Result<(), SettingError> {
+    match mountings {
+        [first, .., last] if mountings.iter().all(|mounting| mounting.side == first.side) => Err(SettingError {
+            key: format!("fingers[{}].side", mountings.len() - 1),
+            expected: "fingers on both sides".into(),
+            got: format!("`{}` for all {}", last.side.name(), mountings.len()),
+        }),
+        _ => Ok(()),
+    }
+}
+
 impl Hand {
     /// A hand of these fingers. Fails for no finger, more than [`FINGERS_MOST`], or a mounting angle that is not
     /// finite.

@@ -7,7 +7,7 @@ use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleOutcome,
 use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::hand::{Health, Mounting, Side};
 use slipbound::image::SizePx;
-use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipRule};
+use slipbound::monitor::{RestBuilder, RestError, RestKind, Settings, SlipRule};
 use slipbound::plane::Vec2;
 use slipbound::port::{
     Clock, DriverEvent, FrameBuffer, FrameSource, GripCommand, Gripper, GripperError, GripperErrorKind, GripperState,
@@ -28,6 +28,7 @@ const MIDDLE: Vec2 = Vec2::new(320.0, 240.0);
 /// Contact state of the finger in a frame.
 #[derive(Clone, Copy)]
 enum Scene {
+    Dark,
     Open,
     /// Held; the rim of the contact lags behind the object by this many px.
     Held(f64),
@@ -50,7 +51,7 @@ impl FrameSource for Camera {
         self.seq += 1;
         let touch = Touch { centre: MIDDLE, radii_px: Vec2::new(6.5, 5.5) * PITCH_PX, strength_levels: 32.0 };
         let (lag_px, touch) = match scene {
-            Scene::Open => (0.0, None),
+            Scene::Dark | Scene::Open => (0.0, None),
             Scene::Held(lag_px) => (lag_px, Some(touch)),
             Scene::Silent => return Ok(Next::Silent),
             Scene::Torn => return Ok(Next::Torn { reason: "cut off".into() }),
@@ -62,6 +63,9 @@ impl FrameSource for Camera {
         let dots: Vec<Vec2> = self.painter.rest.iter().map(|&p| p + Vec2::new(moved_px(p), 0.0)).collect();
         let touch = touch.map(|touch| Touch { centre: MIDDLE + Vec2::new(1.2 * lag_px, 0.0), ..touch });
         into.pixels = self.painter.paint(&dots, touch.as_ref(), self.seq);
+        if matches!(scene, Scene::Dark) {
+            into.pixels.fill(0);
+        }
         (into.format, into.size) = (PixelFormat::Rgb, self.painter.sensor.image_px);
         Ok(Next::Frame)
     }
@@ -518,4 +522,69 @@ fn a_force_that_stays_short_is_a_fault_after_a_second_and_a_half() {
         let is_fault = control.fault().is_some_and(|fault| fault.kind == FaultKind::ForceShortfall);
         assert_eq!(is_fault, cycle >= 20 + 1 + 45, "cycle {cycle}: 10 N asked for from 20 on, seen from 21 on");
     }
+}
+
+/// The end of a time, or of the source: with a force that stays short it is the fault that has ended the work.
+#[test]
+fn work_whose_time_is_over_with_a_fault_has_ended_by_the_fault() {
+    for (hold_s, most_n, is_fault) in [(1, 5.0, true), (60, 5.0, true), (1, 60.0, false)] {
+        let mut settings = hold();
+        settings.lift.hold_ns = hold_s * 1_000_000_000;
+        let mut control = control(scenes(&[(20, Scene::Open), (70, Scene::Held(0.0))]), &settings);
+        let mut gripper = MyGripper { most_n: Some(most_n), ..MyGripper::default() };
+        let mut wrist = MyWrist::default();
+        let case = format!("{hold_s} s, {most_n} N");
+        for cycle in 0..=90 {
+            let outcome = control.cycle(cycle * FRAME_NS, &mut gripper, &mut wrist, &mut ()).expect("goes on");
+            assert_eq!(outcome == CycleOutcome::SourceEnded, cycle == 90, "{case}: cycle {cycle}");
+            let has_ended = outcome.has_ended();
+            match outcome.is_over(control.fault()) {
+                Ok(is_over) => assert!(is_over == (has_ended || cycle == 90) && !(is_over && is_fault), "{case}"),
+                Err(ControlError::Fault { fault, waited_ns: 0 }) => {
+                    assert!((has_ended || cycle == 90) && fault.kind == FaultKind::ForceShortfall, "{case}: {fault}");
+                }
+                Err(error) => panic!("{case}: {error}"),
+            }
+            assert_eq!(outcome.commanded().is_some_and(|c| c.ending().is_some()), has_ended && !is_fault, "{case}");
+            assert!(hold_s == 60 || cycle < 86 || cycle == 90 || has_ended, "{case}: held to its end");
+        }
+    }
+}
+
+#[test]
+fn a_hand_whose_fingers_are_all_on_one_side_is_refused() {
+    let finger = |side: Side, name: &str| {
+        let painter = Painter::new(SIZE, PITCH_PX, 8.0, Skin::Smooth, 0.5, 11);
+        let sensor = painter.sensor.clone();
+        let camera = Camera { painter, scenes: VecDeque::new(), seq: 0 };
+        FingerPipeline::new(name, Mounting::on(side), sensor, Settings::default(), Box::new(camera))
+    };
+    let made = |second| {
+        let task = hold().task(TaskKind::Lift, None).expect("valid");
+        ControlLoop::new(vec![finger(Side::Left, "a"), finger(second, "b")], task).map(drop)
+    };
+    assert_eq!(made(Side::Right), Ok(()));
+    assert_eq!(made(Side::Left).expect_err("one side").key, "fingers[1].side");
+}
+
+/// A camera whose light comes on late: why nothing begins is shown until it does.
+#[test]
+fn dark_frames_are_no_rest_frame_and_an_observer_is_shown_why() {
+    #[derive(Default)]
+    struct Why(Vec<Option<RestError>>);
+    impl CycleObserver for Why {
+        fn after_cycle(&mut self, view: &CycleView<'_>) {
+            self.0.push(view.fingers[0].rest_error.cloned());
+        }
+    }
+    let mut control = control(scenes(&[(25, Scene::Dark), (20, Scene::Open)]), &hold());
+    let (mut gripper, mut wrist, mut why) = (MyGripper::default(), MyWrist::default(), Why::default());
+    for cycle in 0..45 {
+        let outcome = control.cycle(cycle * FRAME_NS, &mut gripper, &mut wrist, &mut why).expect("goes on");
+        // The window that begins with five dark frames has fifteen others.
+        assert_eq!(outcome.commanded().is_some(), cycle >= 39, "cycle {cycle}");
+    }
+    let dark = RestError::NoStationaryFrame { looked_at_count: 20, unusable_count: 20 };
+    let shown: Vec<bool> = why.0.iter().map(|error| *error == Some(dark.clone())).collect();
+    assert_eq!(shown, (0..45).map(|cycle| (19..39).contains(&cycle)).collect::<Vec<_>>());
 }

@@ -1,6 +1,6 @@
 //! Several fingers as one hand: what is fused, what is separated, and what happens when a finger fails.
 
-use slipbound::hand::{Allowed, Hand, HandReport, HandVector, Health, Mounting, Side};
+use slipbound::hand::{Allowed, Hand, HandReport, HandVector, Health, Mounting, Side, check_sides};
 use slipbound::monitor::{
     ContactReport, Estimate, Estimates, MarkerCounts, Reason, ShearReport, SlipKind, SlipReport, SlipState, SlipSummary,
 };
@@ -270,6 +270,16 @@ fn a_hand_has_one_to_four_fingers() {
     assert!(Hand::new(&[Mounting::on(Side::Left); 5]).is_err());
     let error = Hand::new(&[Mounting { side: Side::Left, turn_rad: f64::NAN }]).expect_err("NaN");
     assert_eq!(error.key, "hand.fingers.turn_rad");
+}
+
+#[test]
+fn a_hand_that_is_to_hold_has_fingers_on_both_sides_or_one() {
+    let check = |sides: &[Side]| check_sides(&sides.iter().copied().map(Mounting::on).collect::<Vec<_>>());
+    for sides in [&[][..], &[Side::Left], &[Side::Right, Side::Left], &[Side::Left, Side::Left, Side::Right]] {
+        assert_eq!(check(sides), Ok(()), "{sides:?}");
+    }
+    let told = check(&[Side::Right, Side::Right]).expect_err("one side").to_string();
+    assert_eq!(told, "fingers[1].side: expected fingers on both sides, got `right` for all 2");
 }
 
 /// Two fingers with a frame every 33 ms; `frame` gives the report of each in a cycle, None for no frame.

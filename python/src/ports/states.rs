@@ -1,6 +1,6 @@
 //! States and commands of gripper and wrist as Python sees them <-> those of the library.
 
-use crate::errors::{SettingError, word};
+use crate::errors::{SettingError, setting};
 use pyo3::prelude::*;
 use slipbound::port::{
     GripperState as CoreGripperState, WristCommand as CoreWristCommand, WristMotion, WristState as CoreWristState,
@@ -70,8 +70,7 @@ impl TryFrom<&GripperState> for CoreGripperState {
     type Error = PyErr;
     fn try_from(state: &GripperState) -> PyResult<Self> {
         let GripperState { time_ns, force_n, force_error_n, target_n, opening_mm, ref jaws } = *state;
-        let jaws =
-            serde_json::from_value(jaws.as_str().into()).map_err(|e| SettingError::new_err(format!("jaws: {e}")))?;
+        let jaws = jaws.parse().map_err(setting)?;
         for (name, value) in
             [("force_n", force_n), ("force_error_n", force_error_n), ("target_n", target_n), ("opening_mm", opening_mm)]
         {
@@ -87,7 +86,7 @@ impl TryFrom<&GripperState> for CoreGripperState {
 impl From<&CoreGripperState> for GripperState {
     fn from(state: &CoreGripperState) -> Self {
         let CoreGripperState { time_ns, force_n, force_error_n, target_n, opening_mm, jaws } = *state;
-        let jaws = word(&jaws).unwrap_or_default();
+        let jaws = jaws.to_string();
         GripperState { time_ns, force_n, force_error_n, target_n, opening_mm, jaws }
     }
 }

@@ -1,14 +1,15 @@
 //! `slipbound-ros2 hold` and `slipbound-ros2 run`: the library's control loop with a gripper and a wrist that are nodes.
 
 use super::Done;
-use slipbound::control::{ControlLoop, Cycle, CycleObserver, CycleView};
+use slipbound::control::{ControlError, ControlLoop, Cycle, CycleObserver, CycleView};
 use slipbound::finger_pipeline::FingerView;
 use slipbound::image::SizePx;
 use slipbound::port::Next;
 use slipbound::setting::SettingError;
-use slipbound::task::{Ending, Phase, TaskKind, TaskSettings};
+use slipbound::task::{Ending, TaskKind, TaskSettings};
 use slipbound_rig::config::Error as ConfigError;
 use slipbound_rig::link::now_ns;
+use slipbound_rig::printable::printable;
 use slipbound_rig::realtime::{self, Finished, FramesDue, MonitorWorkers, QueuedObserver};
 use slipbound_rig::run::{self, FingerInfo, Row, RunInfo, RunNotes, RunRecorder};
 use slipbound_ros2::config::{self, Config, Control, GripperAddress};
@@ -16,13 +17,10 @@ use slipbound_ros2::counters::FingerCounters;
 use slipbound_ros2::error::Error;
 use slipbound_ros2::ros_hand::RosHand;
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
-
-/// The duration given to an endless hold, ns: eleven days.
-const WITHOUT_END_NS: u64 = 1_000_000_000_000_000;
 
 /// Cycles that may wait for the network, the disk or the terminal: four seconds at 30 Hz.
 const QUEUE_DEPTH_COUNT: usize = 128;
@@ -51,7 +49,7 @@ pub struct Hold {
     #[command(flatten)]
     files: Files,
     /// Duration in seconds [default: until Ctrl-C]
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     for_s: Option<f64>,
 }
 
@@ -79,13 +77,8 @@ impl Hold {
     /// Takes hold, and holds.
     pub fn run(&self, stop: &AtomicBool) -> Done {
         let (config, control) = self.files.load()?;
-        let mut settings = control.settings;
-        settings.lift.lift_mm = 0.0;
-        settings.lift.hold_ns = match self.for_s {
-            None => WITHOUT_END_NS,
-            Some(s) if (0.0..=1e6).contains(&s) => (s * 1e9) as u64,
-            Some(s) => return Err(wrong("--for-s", "0 to 1000000 s", s).into()),
-        };
+        let settings = control.settings.holding(self.for_s);
+        let settings = settings.map_err(|e| Error::from(SettingError { key: "--for-s".into(), ..e }))?;
         self.files.run(&config, &control, Work { name: "hold", task: TaskKind::Lift, settings, wrist: None }, stop)
     }
 }
@@ -102,12 +95,12 @@ impl Run {
     }
 }
 
-fn wrong(key: &str, expected: &str, got: impl ToString) -> Error {
-    SettingError { key: key.into(), expected: expected.into(), got: got.to_string() }.into()
-}
-
 impl Files {
     fn load(&self) -> Result<(Config, Control), Error> {
+        if self.output.as_deref().is_some_and(|folder| folder == Path::new("-")) {
+            let (key, expected) = ("--output".into(), "the name of a folder".into());
+            return Err(SettingError { key, expected, got: "-".into() }.into());
+        }
         let domain_id = std::env::var("ROS_DOMAIN_ID").ok();
         let config = config::load(&self.config, domain_id.as_deref())?;
         let control = config.control.clone();
@@ -193,19 +186,17 @@ fn run_cycles(
     let held_n = gripper.poll().ok().and_then(|state| state.pressed_n());
     let ((recorder, console), ((reports, _), score)) = observer;
     console.finish(LONGEST_OTHERS);
-    reports.finish(LONGEST_OTHERS);
+    let unpublished_count = reports.finish(LONGEST_OTHERS).lost_count;
     let Finished { observer: recorder, lost_count } = recorder.finish(LONGEST_DISK);
-    let ending = score.ending.filter(|ending| ran.is_ok() || !is_timed_out(*ending));
-    let mut lost = Vec::new();
+    let ending = score.ending;
     let images: Vec<(String, bool)> = score.images.iter().zip(&counters).map(|(images, of)| images.tally(of)).collect();
-    lost.extend(images.iter().filter(|(_, is_whole)| !is_whole).map(|(line, _)| line.clone()));
-    if lost_count > 0 {
-        lost.push(format!("{lost_count} cycles were not written: the disk did not keep up"));
-    }
+    let mut lost = losses(&images, lost_count, unpublished_count);
     let row = |name: &str, value: String| Row { name: name.into(), value, ..Row::default() };
     let unfinished = || ran.as_ref().err().map_or("not before the end of the source".into(), ToString::to_string);
+    let (lasted, until) = run::duration(score.ended_s, score.time_s, ending);
     let rows = [
         row("ended", ending.map_or_else(unfinished, |ending| ending.name().into())),
+        row(&format!("time {until}"), lasted),
         row("alarms", score.alarms_count.to_string()),
         row("largest force commanded", format!("{:.1} N", score.most_n)),
         row("grip at the end", held_n.map_or("unknown".into(), |n| format!("{n:.1} N per finger"))),
@@ -229,27 +220,42 @@ fn run_cycles(
             }
         }
     }
-    ran?;
-    match ending {
-        Some(ending) if ending.is_success() => {}
-        Some(ending) => return Err(ending.evidence().into()),
-        None => return Err("the images ended before the task did".into()),
-    }
-    match lost.is_empty() {
-        true => Ok(()),
-        false => Err(Error::DataLost(lost.join("; ")).into()),
-    }
+    concluded(ran, ending, &lost)
 }
 
-/// Whether the work ended because a time was over: with a fault that counts as the fault.
-fn is_timed_out(ending: Ending) -> bool {
-    matches!(ending, Ending::Held | Ending::NothingHeld)
+/// What was lost on the way: images, and cycles that the queues to the disk and to the network had no room for.
+fn losses(images: &[(String, bool)], unwritten_count: u64, unpublished_count: u64) -> Vec<String> {
+    let of_images = images.iter().filter(|(_, is_whole)| !is_whole).map(|(line, _)| line.clone());
+    let cycles = [
+        (unwritten_count, "cycles were not written: the disk did not keep up"),
+        (unpublished_count, "cycles were not published: the network did not keep up"),
+    ];
+    let of_cycles = cycles.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}"));
+    of_images.chain(of_cycles).collect()
+}
+
+/// Whether the work was done and nothing lost on the way. What was lost is told whatever ended the work.
+fn concluded(ran: Result<(), ControlError>, ending: Option<Ending>, lost: &[String]) -> Done {
+    let failed = match (ran, ending) {
+        (Err(error), _) => Some(error.to_string()),
+        (Ok(()), Some(ending)) => Some(ending.evidence().to_owned()).filter(|_| !ending.is_success()),
+        (Ok(()), None) => Some("the images ended before the task did".into()),
+    };
+    match (failed, lost.is_empty()) {
+        (None, true) => Ok(()),
+        (None, false) => Err(Error::DataLost(lost.join("; ")).into()),
+        (Some(why), true) => Err(why.into()),
+        (Some(why), false) => Err(format!("{why}; {}", lost.join("; ")).into()),
+    }
 }
 
 /// What a run comes to.
 #[derive(Default)]
 struct Score {
     ending: Option<Ending>,
+    /// When the task ended, and the time of the last command, s.
+    ended_s: Option<f64>,
+    time_s: f64,
     alarms_count: u32,
     most_n: f64,
     images: Vec<ImageSizes>,
@@ -288,8 +294,9 @@ impl CycleObserver for Score {
             images.other_count += u64::from(is_other);
         }
         let Some(cycle) = view.cycle() else { return };
-        if let Phase::Ended(ending) = cycle.phase {
-            self.ending = Some(ending);
+        self.time_s = cycle.time_ns as f64 * 1e-9;
+        if let (Some(ending), None) = (cycle.ending(), self.ending) {
+            (self.ending, self.ended_s) = (Some(ending), Some(self.time_s));
         }
         self.alarms_count = cycle.alarms_count;
         self.most_n = cycle.grip_command.force_n().map_or(self.most_n, |n| n.max(self.most_n));
@@ -315,9 +322,7 @@ impl CycleObserver for Console {
             if let Some((_, to_n)) = commanded_n.filter(|(from_n, to_n)| (from_n - to_n).abs() >= SHOWN_STEP_N) {
                 lines.push(format!("grip to {to_n:.1} N"));
             }
-            if let Phase::Ended(ending) = cycle.phase
-                && !(cycle.fault && is_timed_out(ending))
-            {
+            if let Some(ending) = cycle.ending() {
                 lines.push(ending.evidence().into());
             }
         }
@@ -327,5 +332,37 @@ impl CycleObserver for Console {
 
 /// A line for the user; a terminal that is gone does not end the run, everything is in the folder.
 fn say(line: &str) {
-    let _ = writeln!(std::io::stdout(), "{line}");
+    let _ = writeln!(std::io::stdout(), "{}", printable(line));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_lost_is_told_whatever_ended_the_work() {
+        let images = [("left: 9 images received, 1 torn".into(), false), ("right: 9 images received".into(), true)];
+        let lost = losses(&images, 0, 2);
+        assert_eq!(lost, [images[0].0.as_str(), "2 cycles were not published: the network did not keep up"]);
+        let both = lost.join("; ");
+        let interrupted = || Err(ControlError::Interrupted);
+        for (ran, ending, why) in [
+            (interrupted(), None, ControlError::Interrupted.to_string()),
+            (interrupted(), Some(Ending::Held), ControlError::Interrupted.to_string()),
+            (Ok(()), Some(Ending::Lost), Ending::Lost.evidence().to_owned()),
+            (Ok(()), None, "the images ended before the task did".to_owned()),
+        ] {
+            let told = concluded(ran, ending, &lost).expect_err("failed");
+            assert_eq!(told.to_string(), format!("{why}; {both}"));
+            assert!(told.downcast_ref::<Error>().is_none(), "exit code 1");
+        }
+        let told = concluded(Ok(()), Some(Ending::Held), &lost).expect_err("data lost");
+        assert_eq!(told.to_string(), format!("finished, but {both}"));
+        assert!(matches!(told.downcast_ref::<Error>(), Some(Error::DataLost(_))), "exit code 3");
+        assert!(concluded(Ok(()), Some(Ending::Held), &[]).is_ok());
+        assert_eq!(
+            concluded(interrupted(), None, &[]).expect_err("failed").to_string(),
+            ControlError::Interrupted.to_string()
+        );
+    }
 }

@@ -284,7 +284,8 @@ fn hold_commands_the_gripper_alone_and_publishes_what_it_sees() {
     assert_eq!((report.finger.as_str(), report.header.frame_id.as_str()), ("left", "camera"));
     assert_eq!(report.header.stamp.ns(), Some(report.time_ns));
     assert_eq!(next(&mut hands, LONGEST_WAIT).expect("a report").health[0], "live");
-    assert_eq!(control.process().exit_code(LONGEST_WAIT), Some(0), "held to the end of its time");
+    let (code, said) = control.ended(|| {});
+    assert!(code == Some(0) && said.contains("  time until it ended         "), "held to the end of its time: {said}");
     let held: Vec<f64> = targets_n(&nodes.gripper_log).into_iter().skip_while(|n| *n != FORCE_N).collect();
     assert!(!held.is_empty() && held.iter().all(|n| *n == FORCE_N), "and left holding");
     let lowered = last_line(&nodes.wrist_log).expect("a log");
@@ -382,16 +383,32 @@ fn wrong_or_missing_keys_are_refused_by_name() {
         (&["hold"], "[control]\ngripper = \"wsg50://hand:1000\"\n", "control.gripper: expected ros2:///BASE"),
         (&["hold"], "[control]\ngripper = \"ros2://one/gripper\"\n", "got `ros2://one/gripper`"),
         (&["hold"], "[control]\ngripper = \"ros2+action:///g\"\n", "control.action: expected the joint"),
+        (&["hold"], "[control]\ngripper = \"\\u001b[2J\"\n", "got `\\u{1b}[2J`"),
         (&["hold"], action, "control.action.open_position: expected a finite number other than closed_position"),
         (&["hold"], &format!("[control]\n{gripper}wrst = \"\"\n"), "`control.wrst`; did you mean `wrist`?"),
         (&["hold"], &format!("[control]\n{gripper}max_skew_ms = 5000\n"), "control.max_skew_ms: expected at most 1000"),
-        (&["hold", "--for-s=-1"], TOPICS, "--for-s: expected 0 to 1000000 s, got -1"),
+        (&["hold", "--output", "-"], TOPICS, "--output: expected the name of a folder, got -"),
+        (&["hold", "--for-s", "-1"], TOPICS, "--for-s: expected 0 to 1000000 s, got -1"),
         (&["run", "lift"], &format!("[control]\n{gripper}"), "node.toml: control.wrist: expected ros2:///BASE"),
     ] {
         files(folder.path(), table);
         let (code, told) = Process::refused(&[command, &[config.to_str().expect("UTF-8")]].concat());
         assert!(code == Some(2) && told.contains(said), "`{told}` lacks `{said}`, or {code:?} is not 2");
     }
+}
+
+/// As for the node; what is refused here comes after the domain.
+#[test]
+fn a_domain_that_is_set_to_nothing_is_domain_0_for_tools_too() {
+    let emulate = |domain_id: &str| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_slipbound-ros2"));
+        let done = command.args(["emulate", "--action", "two words"]).env("ROS_DOMAIN_ID", domain_id).output();
+        String::from_utf8_lossy(&done.expect("starts").stderr).into_owned()
+    };
+    let told = emulate("");
+    assert!(told.contains("--action") && !told.contains("ROS_DOMAIN_ID"), "{told}");
+    let told = emulate("240");
+    assert!(told.contains("ROS_DOMAIN_ID: expected a whole number from 0 to 232, got `240`"), "{told}");
 }
 
 #[test]

@@ -155,12 +155,13 @@ impl Demo {
         };
         let has_begun = reached.phase.is_some_and(|phase| phase != Phase::Grasping);
         output.end_cycles();
-        if let Err(e) = &ran {
-            output.note(now_ns, &terminal::in_words(e));
+        let broke_off = ran.as_ref().err().map(terminal::in_words);
+        if let Some(why) = &broke_off {
+            output.note(now_ns, why);
         }
         let (seconds, took_s) = (now_ns as f64 * 1e-9, began.elapsed().as_secs_f64());
         run_recording::finish(recorder, &mut output);
-        let rows = results::rows(&scene, &settings, &score);
+        let rows = results::rows(&scene, &settings, &score, broke_off.as_deref());
         let outcome = output.finish(&rows, score.ending, |page| {
             let times = seconds / took_s;
             let (until_s, had) = score.ended_s.map_or((score.time_s, "broke off"), |ended_s| (ended_s, "had ended"));

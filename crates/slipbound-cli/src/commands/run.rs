@@ -6,11 +6,8 @@ mod pace;
 
 use self::hardware::{Hardware, Work};
 use crate::outcome::{Failure, Outcome};
-use anyhow::anyhow;
+use slipbound::setting::SettingError;
 use slipbound::task::TaskKind;
-
-/// The duration given to an endless hold, ns: eleven days.
-const WITHOUT_END_NS: u64 = 1_000_000_000_000_000;
 
 /// The arguments of `slipbound run`.
 #[derive(Debug, clap::Args)]
@@ -48,13 +45,8 @@ impl Run {
 impl Hold {
     /// Takes hold, and holds.
     pub fn run(&self) -> Result<Outcome, Failure> {
-        let mut settings = self.hardware.task_settings()?;
-        settings.lift.lift_mm = 0.0;
-        settings.lift.hold_ns = match self.for_s {
-            None => WITHOUT_END_NS,
-            Some(s) if (0.0..=1e6).contains(&s) => (s * 1e9) as u64,
-            Some(s) => return Err(Failure::Arguments(anyhow!("--for-s: expected 0 to 1000000 s, got {s}"))),
-        };
+        let settings = self.hardware.task_settings()?.holding(self.for_s);
+        let settings = settings.map_err(|e| Failure::arguments(SettingError { key: "--for-s".into(), ..e }))?;
         self.hardware.run(&Work { name: "hold", task: TaskKind::Lift, wrist: "dry", is_hold: true }, &settings)
     }
 }

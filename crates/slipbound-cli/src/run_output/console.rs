@@ -2,7 +2,6 @@
 
 use crate::terminal::Terminal;
 use slipbound::control::{Cycle, CycleObserver, CycleView};
-use slipbound::task::Phase;
 use slipbound_rig::run::{CameraLimits, RunNotes};
 use std::time::Duration;
 
@@ -54,7 +53,7 @@ impl Console {
         if let Some((_, to_n)) = commanded_n.filter(|(from_n, to_n)| (from_n - to_n).abs() >= SHOWN_STEP_N) {
             lines.push(format!("{at}  grip to {to_n:.1} N"));
         }
-        if let Phase::Ended(ending) = cycle.phase
+        if let Some(ending) = cycle.ending()
             && before.is_none_or(|last| last.phase != cycle.phase)
         {
             lines.push(format!("{at}  {}", ending.evidence()));

@@ -75,8 +75,7 @@ impl CycleObserver for RunScorer {
         match (view.cycle(), truth.as_ref()) {
             (Some(cycle), truth) => {
                 self.phase = Some(cycle.phase);
-                let commanded_n = cycle.grip_command.force_n();
-                self.score.add_cycle(view.now_ns, cycle.phase, commanded_n, cycle.alarms_count, truth);
+                self.score.add_cycle(&cycle, truth);
             }
             (None, Some(truth)) => self.score.add_truth(truth),
             (None, None) => {}

@@ -19,7 +19,7 @@ use super::error::Error;
 use super::layer::{Layer, typed};
 use super::sensors;
 use serde::Deserialize;
-use slipbound::hand::{FINGERS_MOST, Mounting, Side};
+use slipbound::hand::{FINGERS_MOST, Mounting, Side, check_sides};
 use slipbound::sensor::Sensor;
 use slipbound::setting::SettingError;
 use std::fmt;
@@ -203,14 +203,8 @@ pub fn load(path: &Path) -> Result<HandConfig, Error> {
         }
         fingers.push(FingerConfig { name: f.name, serial: f.serial, sensor, mounting });
     }
-    // Fingers on one side only cannot hold anything.
-    if let [first, .., last] = &fingers[..]
-        && fingers.iter().all(|finger| finger.mounting.side == first.mounting.side)
-    {
-        let (side, count) = (last.mounting.side.name(), fingers.len());
-        let key = format!("fingers[{}].side", count - 1);
-        return refuse(key, "fingers on both sides", format!("`{side}` for all {count}"));
-    }
+    let mountings: Vec<Mounting> = fingers.iter().map(|finger| finger.mounting).collect();
+    check_sides(&mountings).map_err(|source| Error::OutOfRange { file: layer.file.clone(), source })?;
     Ok(HandConfig { name: file.name, fingers })
 }
 

@@ -15,10 +15,6 @@ use slipbound::port::{DriverEvent, GripCommand, GripperState, Jaws};
 /// Difference between an accepted force and the reported one that the steps of a gripper explain, N per finger.
 const STEP_N: f64 = 0.5;
 
-/// What a GRIPPER line may say of the jaws, by their names.
-const JAWS: [Jaws; 7] =
-    [Jaws::Unknown, Jaws::Open, Jaws::Closing, Jaws::Holding, Jaws::Nothing, Jaws::Lost, Jaws::Stopped];
-
 /// Whether the steps of a gripper explain the difference between these forces, N per finger.
 fn is_same(one_n: f64, other_n: f64) -> bool {
     (one_n - other_n).abs() <= STEP_N
@@ -140,7 +136,7 @@ impl LineGripper {
 
     fn take_state(&mut self, driver: &mut DriverState, rest: &str) {
         let word = rest.split_whitespace().skip_while(|word| *word != "jaws").nth(1).unwrap_or(Jaws::Unknown.name());
-        let known = JAWS.into_iter().find(|jaws| jaws.name() == word);
+        let known: Option<Jaws> = word.parse().ok();
         let jaws = known.unwrap_or(Jaws::Unknown);
         if jaws == Jaws::Stopped && driver.gripper.jaws != Jaws::Stopped {
             driver.push_event(DriverEvent::FastStop { why: "the other side says so".into() });

@@ -11,7 +11,7 @@
 
 use slipbound::control::{CycleObserver, CycleOutcome, CycleView, Fault};
 use slipbound::finger_pipeline::FingerView;
-use slipbound::monitor::{RestKind, SlipMonitor, SlipReport};
+use slipbound::monitor::{RestError, RestKind, SlipMonitor, SlipReport};
 use slipbound::plant::PlantTruth;
 use slipbound::port::{DriverEvent, FrameBuffer, Next};
 use std::sync::Arc;
@@ -150,6 +150,7 @@ struct FingerSnapshot {
     report: Option<SlipReport>,
     monitor: Option<Box<SlipMonitor>>,
     rest_kind: Option<RestKind>,
+    rest_error: Option<RestError>,
 }
 
 impl Snapshot {
@@ -195,12 +196,14 @@ impl FingerSnapshot {
             report: None,
             monitor: None,
             rest_kind: None,
+            rest_error: None,
         }
     }
 
     fn take(&mut self, finger: &FingerView<'_>, keeps_frames: bool, slip_begins: bool) {
         self.next.clone_from(finger.next);
         (self.report, self.rest_kind) = (finger.report.copied(), finger.rest_kind);
+        self.rest_error = finger.rest_error.cloned();
         let from = finger.frame;
         (self.frame.seq, self.frame.time_ns, self.frame.clock) = (from.seq, from.time_ns, from.clock);
         self.frame.encoded.clear();
@@ -222,6 +225,7 @@ impl FingerSnapshot {
             report: self.report.as_ref(),
             monitor: self.monitor.as_deref(),
             rest_kind: self.rest_kind,
+            rest_error: self.rest_error.as_ref(),
         }
     }
 }

@@ -1,9 +1,8 @@
 //! Runs a control loop in real time until it ends.
 
 use crate::link::now_ns;
-use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleOutcome};
+use slipbound::control::{ControlError, ControlLoop, CycleObserver};
 use slipbound::port::{Gripper, Wrist};
-use slipbound::task::{Ending, Phase};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
@@ -70,16 +69,7 @@ fn cycles(
             return Err(ControlError::Interrupted);
         }
         let outcome = control.cycle(now_ns(), gripper, wrist, observer)?;
-        // Who holds to the end of a time, or of the source, has not held with a fault, and jaws that a fault may have kept
-        // open have not found nothing.
-        let has_timed_out = outcome
-            .commanded()
-            .is_some_and(|cycle| matches!(cycle.phase, Phase::Ended(Ending::Held | Ending::NothingHeld)));
-        if has_timed_out || outcome == CycleOutcome::SourceEnded {
-            let fault = control.fault().cloned();
-            return fault.map_or(Ok(()), |fault| Err(ControlError::Fault { fault, waited_ns: 0 }));
-        }
-        if outcome.has_ended() {
+        if outcome.is_over(control.fault())? {
             return Ok(());
         }
     }

@@ -151,9 +151,10 @@ impl EventLog {
             }
         }
         if self.last.as_ref().is_none_or(|last| last.phase != cycle.phase) {
-            events.push(match cycle.phase {
-                Phase::Ended(ending) => Event::Ended { ending, evidence: ending.evidence().to_owned() },
-                now => Event::Phase { now },
+            events.extend(match (cycle.ending(), cycle.phase) {
+                (Some(ending), _) => Some(Event::Ended { ending, evidence: ending.evidence().to_owned() }),
+                (None, Phase::Ended(_)) => None, // by a fault, which is told by itself
+                (None, now) => Some(Event::Phase { now }),
             });
         }
         self.last = Some(*cycle);

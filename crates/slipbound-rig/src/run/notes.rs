@@ -33,8 +33,9 @@ pub struct RunNotes {
     /// sensor file.
     in_contact: Vec<String>,
     misfits: Vec<String>,
-    /// Fingers whose first torn frame was reported.
+    /// Fingers whose first torn frame was reported, and those that were reported to have no rest frame yet.
     torn: Vec<String>,
+    without_rest: Vec<String>,
     /// When each finger last had a frame, ns, and whether its silence was reported.
     heard: Vec<(u64, bool)>,
 }
@@ -91,6 +92,10 @@ impl RunNotes {
                 self.torn.push(finger.name.to_owned());
                 lines.push(format!("{}: the first torn frame: {reason}", finger.name));
             }
+            if let (Some(error), false) = (finger.rest_error, is_told(&self.without_rest)) {
+                self.without_rest.push(finger.name.to_owned());
+                lines.push(format!("{}: {error}; nothing is commanded before there is one", finger.name));
+            }
             let reason = finger.report.and_then(|report| report.reason);
             if let Some(reason @ Reason::MarkerSpacing { .. }) = reason.filter(|_| !is_told(&self.misfits)) {
                 self.misfits.push(finger.name.to_owned());
@@ -143,6 +148,7 @@ const OTHER_CLOCK_NS: u64 = 1_000_000_000;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use slipbound::monitor::RestError;
     use slipbound::port::FrameBuffer;
 
     fn cycle<'a>(fingers: &'a [FingerView<'a>]) -> CycleView<'a> {
@@ -157,6 +163,25 @@ mod tests {
         }
     }
 
+    fn finger<'a>(name: &'a str, frame: &'a FrameBuffer) -> FingerView<'a> {
+        let (report, monitor, rest_kind, rest_error) = (None, None, None, None);
+        FingerView { name, next: &Next::Frame, frame, report, monitor, rest_kind, rest_error }
+    }
+
+    #[test]
+    fn a_finger_whose_frames_are_dark_is_told_of_once() {
+        let (mut notes, frame) = (RunNotes::default(), FrameBuffer::default());
+        let dark = RestError::NoStationaryFrame { looked_at_count: 20, unusable_count: 19 };
+        let mut told = Vec::new();
+        for rest_error in [None, Some(&dark), Some(&dark), None, Some(&dark)] {
+            let fingers = [finger("left", &frame), FingerView { rest_error, ..finger("right", &frame) }];
+            told.extend(notes.see(&cycle(&fingers)));
+        }
+        let expected = "right: no rest frame among the first 20 frames (19 of them dark or of another size); nothing is \
+                        commanded before there is one";
+        assert_eq!(told, [expected]);
+    }
+
     #[test]
     fn the_first_torn_frame_of_every_finger_is_told_of_with_its_reason() {
         let mut notes = RunNotes::default();
@@ -164,8 +189,7 @@ mod tests {
         let torn = |reason: &str| Next::Torn { reason: reason.into() };
         let mut told = Vec::new();
         for nexts in [[Next::Frame, Next::Silent], [torn("cut"), Next::Frame], [torn("empty"), torn("16UC1")]] {
-            let view =
-                |name, next| FingerView { name, next, frame: &frame, report: None, monitor: None, rest_kind: None };
+            let view = |name, next| FingerView { next, ..finger(name, &frame) };
             let fingers = [view("left", &nexts[0]), view("right", &nexts[1])];
             told.extend(notes.see(&cycle(&fingers)));
         }
@@ -183,15 +207,7 @@ mod tests {
                 ..FrameBuffer::default()
             };
             let frames = [frame(0), frame(skew_ms)];
-            let view = |name, frame| FingerView {
-                name,
-                next: &Next::Frame,
-                frame,
-                report: None,
-                monitor: None,
-                rest_kind: None,
-            };
-            let fingers = [view("left", &frames[0]), view("right", &frames[1])];
+            let fingers = [finger("left", &frames[0]), finger("right", &frames[1])];
             told.extend(notes.see(&cycle(&fingers)));
         }
         assert_eq!(

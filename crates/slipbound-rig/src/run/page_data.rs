@@ -10,7 +10,6 @@ use super::event::{Event, TimedEvent};
 use super::page::{PICTURES_MOST, Picture};
 use super::thinned::Thinned;
 use slipbound::control::Cycle;
-use slipbound::task::Phase;
 use std::collections::VecDeque;
 
 /// Cycles that are kept; a plot has at most 1600 points. At 30 Hz every cycle of four and a half minutes.
@@ -50,7 +49,7 @@ impl PageData {
 
     /// Takes a cycle.
     pub fn cycle(&mut self, cycle: &Cycle, slip_pitch: Option<f64>) {
-        if self.ended_ns.is_none() && matches!(cycle.phase, Phase::Ended(_)) {
+        if self.ended_ns.is_none() && cycle.ending().is_some() {
             self.ended_ns = Some(cycle.time_ns);
         }
         self.cycles.push((*cycle, slip_pitch));

@@ -62,6 +62,23 @@ fn after_the_end_of_the_task_nothing_is_said_to_go_on() {
     }
 }
 
+/// A task whose time is over while there is a fault: what has ended it is noted by whoever drives the loop.
+#[test]
+fn what_is_held_to_the_end_with_a_fault_is_not_told_as_held() {
+    for (fault, told) in [(false, 1), (true, 0)] {
+        let mut cycles = screw::cycles()[..=100].to_vec();
+        cycles.push(Cycle { phase: Phase::Ended(Ending::Held), fault, ..screw::cycles()[101] });
+        let folder = tempfile::tempdir().expect("a folder");
+        written(folder.path(), &screw::info(), &cycles).finish(&[], None).expect("finishes");
+        let last_ns = screw::cycles()[101].time_ns;
+        let at_end: Vec<_> = events(folder.path()).into_iter().filter(|e| e.time_ns == last_ns).collect();
+        assert_eq!(at_end.iter().filter(|e| matches!(e.event, Event::Ended { .. })).count(), told, "{at_end:?}");
+        assert!(!at_end.iter().any(|e| matches!(e.event, Event::Phase { .. })), "{at_end:?}");
+        let page = std::fs::read_to_string(folder.path().join("report.html")).expect("a page");
+        assert_eq!(page.contains("until it broke off"), fault, "the duration");
+    }
+}
+
 #[test]
 fn a_slip_is_over_when_it_is_quiet_however_often_it_is_answered() {
     // `x`: slips, `!`: slips and the controller responds, 33 ms per character.

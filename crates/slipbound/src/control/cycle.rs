@@ -1,9 +1,11 @@
 //! The record of one cycle: what was measured, what was commanded and, in simulation, the ground truth.
 
+use super::error::ControlError;
+use super::fault::Fault;
 use crate::hand::HandReport;
 use crate::plant::PlantTruth;
 use crate::port::{GripCommand, GripperState, WristCommand, WristState};
-use crate::task::Phase;
+use crate::task::{Ending, Phase};
 use serde::{Deserialize, Serialize};
 
 /// Result of a cycle.
@@ -32,6 +34,23 @@ impl CycleOutcome {
     /// Whether the task has ended, in this cycle or before.
     pub fn has_ended(&self) -> bool {
         self.commanded().is_some_and(|cycle| matches!(cycle.phase, Phase::Ended(_)))
+    }
+
+    /// Whether a run is over after this cycle: its task has ended, or a source of frames. `fault`: that of
+    /// [`ControlLoop::fault`](super::ControlLoop::fault) after the cycle. Where only a time was over, or the source, a
+    /// fault is what ended the work: the error is that fault.
+    pub fn is_over(&self, fault: Option<&Fault>) -> Result<bool, ControlError> {
+        // Who holds to the end of a time, or of the source, has not held with a fault, and jaws that a fault may have kept
+        // open have not found nothing.
+        let (is_over, ran_out) = match self {
+            CycleOutcome::SourceEnded => (true, true),
+            CycleOutcome::Commanded(Cycle { phase: Phase::Ended(ending), .. }) => (true, ending.is_timed_out()),
+            CycleOutcome::FindingRest | CycleOutcome::Waiting | CycleOutcome::Commanded(_) => (false, false),
+        };
+        match fault.filter(|_| ran_out) {
+            Some(fault) => Err(ControlError::Fault { fault: fault.clone(), waited_ns: 0 }),
+            None => Ok(is_over),
+        }
     }
 }
 
@@ -78,4 +97,15 @@ pub struct Cycle {
     /// Whether the gripper refused the command because it would have lowered the force.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub refused_lowering: bool,
+}
+
+impl Cycle {
+    /// How the task has ended. None while it goes on, and where only a time was over while gripper or wrist had a fault:
+    /// then that fault has ended it ([`CycleOutcome::is_over`]).
+    pub fn ending(&self) -> Option<Ending> {
+        match self.phase {
+            Phase::Ended(ending) if !(self.fault && ending.is_timed_out()) => Some(ending),
+            _ => None,
+        }
+    }
 }

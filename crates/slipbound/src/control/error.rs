@@ -56,7 +56,8 @@ pub enum ControlError {
     Fault {
         /// The fault.
         fault: Fault,
-        /// How long the loop waited for it to clear, ns; 0 when the source ended meanwhile.
+        /// How long the loop waited for it to clear, ns; 0 when the source, or the time of the task, ended
+        /// meanwhile.
         waited_ns: u64,
     },
     /// The driver of the loop was asked to stop.

@@ -1,6 +1,6 @@
 //! The gripper: its commands, its state, its errors.
 
-use crate::setting::SettingError;
+use crate::setting::{SettingError, named};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -178,20 +178,17 @@ pub enum Jaws {
     Stopped,
 }
 
-impl Jaws {
-    /// Its name, as in a record.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Jaws::Unknown => "unknown",
-            Jaws::Open => "open",
-            Jaws::Closing => "closing",
-            Jaws::Holding => "holding",
-            Jaws::Nothing => "nothing",
-            Jaws::Lost => "lost",
-            Jaws::Stopped => "stopped",
-        }
-    }
-}
+const JAWS: [(Jaws, &str); 7] = [
+    (Jaws::Unknown, "unknown"),
+    (Jaws::Open, "open"),
+    (Jaws::Closing, "closing"),
+    (Jaws::Holding, "holding"),
+    (Jaws::Nothing, "nothing"),
+    (Jaws::Lost, "lost"),
+    (Jaws::Stopped, "stopped"),
+];
+
+named!(Jaws, "jaws", JAWS);
 
 /// The state reported by a gripper.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

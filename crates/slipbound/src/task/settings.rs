@@ -52,6 +52,12 @@ const CONTROLLERS: [(ControllerKind, &str); 4] = [
 named!(TaskKind, "task", TASKS);
 named!(ControllerKind, "controller", CONTROLLERS);
 
+/// Longest time to hold, s.
+const HOLD_MOST_S: f64 = 1e6;
+
+/// The time of an endless hold, ns: eleven days.
+const HOLD_WITHOUT_END_NS: u64 = 1_000_000_000_000_000;
+
 /// All settings of a task.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -93,6 +99,20 @@ impl TaskSettings {
     pub fn with(mut self, change: impl FnOnce(&mut TaskSettings)) -> Self {
         change(&mut self);
         self
+    }
+
+    /// The same with a [`TaskKind::Lift`] that only holds: nothing is lifted. `hold_s`: seconds, of which those count in
+    /// which a finger feels the object; None: until the loop is ended from outside. Refuses more than 1,000,000 s.
+    pub fn holding(self, hold_s: Option<f64>) -> Result<Self, SettingError> {
+        let hold_ns = match hold_s {
+            None => HOLD_WITHOUT_END_NS,
+            Some(s) if (0.0..=HOLD_MOST_S).contains(&s) => (s * 1e9) as u64,
+            Some(s) => {
+                let (key, expected) = ("hold_s".into(), format!("0 to {HOLD_MOST_S} s"));
+                return Err(SettingError { key, expected, got: s.to_string() });
+            }
+        };
+        Ok(self.with(|settings| (settings.lift.lift_mm, settings.lift.hold_ns) = (0.0, hold_ns)))
     }
 
     /// Checks everything that does not depend on the finger; the error names the first invalid key.
@@ -168,5 +188,24 @@ impl TaskSettings {
             TaskKind::Place => Box::new(Place::new(self.place, grip, stiffness_mpa_per_mm)?),
             TaskKind::Lift => Box::new(Lift::new(self.lift, grip)?),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hold_lifts_nothing_and_lasts_as_long_as_it_is_told() {
+        let lift = |hold_s| TaskSettings::default().holding(hold_s).map(|settings| settings.lift);
+        for (hold_s, hold_ns) in [(None, 1_000_000_000_000_000), (Some(0.0), 0), (Some(2.5), 2_500_000_000)] {
+            let lift = lift(hold_s).expect("a time");
+            assert_eq!((lift.lift_mm, lift.hold_ns), (0.0, hold_ns));
+            lift.check().expect("in range");
+        }
+        for hold_s in [-1.0, f64::NAN, 1_000_001.0] {
+            let told = lift(Some(hold_s)).expect_err("no such time").to_string();
+            assert_eq!(told, format!("hold_s: expected 0 to 1000000 s, got {hold_s}"));
+        }
     }
 }

@@ -104,6 +104,11 @@ impl Ending {
         matches!(self, Ending::Tight | Ending::SlipAtMost | Ending::Opened | Ending::Placed | Ending::Held)
     }
 
+    /// Whether it says no more than that a time was over.
+    pub(crate) const fn is_timed_out(self) -> bool {
+        matches!(self, Ending::Held | Ending::NothingHeld)
+    }
+
     /// The evidence, as a sentence.
     pub const fn evidence(self) -> &'static str {
         match self {

@@ -1,12 +1,12 @@
 //! Results of a simulated run for its report.
 
-use slipbound::task::{Ending, TaskKind, TaskSettings};
+use slipbound::task::{TaskKind, TaskSettings};
 use slipbound_lab::hand::HandScene;
 use slipbound_lab::score::{RunScore, most_ground_n};
 use slipbound_rig::run::{Row, duration};
 
-/// The table of results.
-pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<Row> {
+/// The table of results. `broke_off`: why the loop ended before the task did, if it was not the end of the scene.
+pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore, broke_off: Option<&str>) -> Vec<Row> {
     let row = |name: &str, value: String, target: &str, ok: Option<bool>| Row {
         name: name.into(),
         value,
@@ -15,7 +15,8 @@ pub fn rows(scene: &HandScene, settings: &TaskSettings, run: &RunScore) -> Vec<R
     };
     let mut rows = Vec::new();
     let right = Some(run.succeeded(scene.task()));
-    let ending = run.ending.map_or("not before the end of the scene", Ending::name);
+    let unfinished = broke_off.unwrap_or("not before the end of the scene");
+    let ending = run.ending.map_or(unfinished, |ending| ending.name());
     rows.push(row("ended", ending.into(), "", right));
     if let Some(fraction) = run.torque_fraction() {
         let value = format!("{:.0} N mm, {:.0} %", run.torque_n_mm, 100.0 * fraction);

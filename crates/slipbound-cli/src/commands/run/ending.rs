@@ -40,8 +40,7 @@ impl Ended<'_> {
         if is_at_work && self.holds {
             score.ending = Some(Ending::Held); // to the end of the source
         }
-        let is_timed_out = |ending: &Ending| matches!(ending, Ending::Held | Ending::NothingHeld);
-        let ending = score.ending.filter(|ending| ran.is_ok() || !is_timed_out(ending));
+        let ending = score.ending;
         let unfinished = || match &ran {
             Ok(()) => "not before the end of the source".into(),
             Err(e) => terminal::in_words(e),
