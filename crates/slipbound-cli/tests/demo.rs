@@ -147,6 +147,20 @@ fn invalid_options_exit_with_2_and_create_nothing() {
     assert!(printed(&output).contains("run"), "{}", printed(&output));
 }
 
+/// The jaws of the simulated hand press with at most 80 N.
+#[test]
+fn a_run_that_a_fault_ends_is_a_row_of_the_table_of_trials() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("settings.toml");
+    let text = "[grip]\nstart_n = 110.0\nmost_n = 120.0\n[lift]\nlift_mm = 0.0\nhold_ns = 2500000000\n";
+    fs::write(&file, text).expect("written");
+    let settings = file.to_str().expect("UTF-8");
+    let what = ["trials", "--task", "lift", "--controller", "constant", "--mu", "0.9", "--fingers", "1"];
+    let output = slipbound(&[&what[..], &["--seeds", "2", "--settings", settings]].concat());
+    let told = printed(&output);
+    assert!(told.contains("| lift | water_bottle | 0.9 | constant | 1 | 0 of 2 |"), "{told}");
+}
+
 /// Every file of a folder and its bytes, by its name.
 fn files(folder: &Path) -> std::collections::BTreeMap<String, Vec<u8>> {
     let mut found = std::collections::BTreeMap::new();

@@ -27,12 +27,17 @@ pub struct Simulate {
     /// Writes the simulated finger's sensor file, for the node's hand file
     #[arg(long, value_name = "FILE.toml")]
     sensor: Option<PathBuf>,
-    /// Pictures per second
-    #[arg(long, value_name = "HZ", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=250))]
-    rate_hz: u32,
+    /// Pictures per second [default: `rate_hz` of the scene, 30 unless it is given]
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(1..=250))]
+    rate_hz: Option<u32>,
     /// How often the scene is shown; 0: until it is stopped
     #[arg(long, value_name = "COUNT", default_value_t = 0)]
     times: u32,
+}
+
+/// Pictures per second of a scene.
+fn rate_hz(scene: &str) -> Result<u32, SettingError> {
+    Ok(Trial::parse(scene)?.number("rate_hz") as u32)
 }
 
 /// The finger of a scene, and its images as the simulated camera sends them: JPEG files.
@@ -56,9 +61,10 @@ impl Simulate {
         let mut ros = Ros::new("/", "slipbound_simulate", domain_id()?)?;
         let publishers: Result<Vec<_>, _> = self.topic.iter().map(|topic| ros.publisher(topic, &SENSOR_DATA)).collect();
         let publishers = publishers?;
-        let period = Duration::from_secs(1) / self.rate_hz;
+        let rate_hz = self.rate_hz.map_or_else(|| rate_hz(&self.scene), Ok).map_err(Error::from)?;
+        let period = Duration::from_secs(1) / rate_hz;
         let mut due = Instant::now();
-        println!("{} pictures at {} Hz; Ctrl-C ends it", jpegs.len(), self.rate_hz);
+        println!("{} pictures at {} Hz; Ctrl-C ends it", jpegs.len(), rate_hz);
         let mut shown = 0;
         while self.times == 0 || shown < self.times {
             for jpeg in &jpegs {

@@ -86,7 +86,9 @@ fn unjudged_if_broken(path: &Path, error: EvalError) -> EvalError {
             let text = error.to_string();
             // Records are the same wherever the clips are.
             let file = error.file.map(|file| format!("{file}: ")).unwrap_or_default();
-            EvalError::Unjudged { path: path.to_owned(), problem: text.strip_prefix(&file).unwrap_or(&text).to_owned() }
+            let text = text.strip_prefix(&file).unwrap_or(&text);
+            let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+            EvalError::Unjudged { path: path.to_owned(), problem: text.replace(&path.display().to_string(), &name) }
         }
         other => other,
     }

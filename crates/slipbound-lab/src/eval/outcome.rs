@@ -175,10 +175,10 @@ pub fn record(scored_trial: &ScoredTrial, entry: &Entry, watched: &Watched, seen
     .with("gross_frame", gross_frame)
     .with("alarm_while_gripping", gripping)
     .with(SCORE_BELOW, is_judged.then_some(score_below))
-    .with("loaded_frames", loaded().count())
-    .with("decided_frames", loaded().filter(|&n| seen[n].is_decided()).count());
-    // A rival has no state of its own: what its monitor reports of gross slip, and estimates, is ours.
+    .with("loaded_frames", loaded().count());
+    // A rival has no state of its own: what its monitor decides, reports of gross slip, and estimates, is ours.
     if entry.is_ours() {
+        let record = record.with("decided_frames", loaded().filter(|&n| seen[n].is_decided()).count());
         let record = with_gross(record, watched, seen, &f);
         let record = with_estimates(record, scored_trial, watched, seen, &f);
         with_slip(record, watched, seen, first.filter(before_gross))
@@ -423,8 +423,11 @@ mod tests {
         let late = record(&scored_trial, &DETECTORS[0], &watched, &seen);
         assert_eq!((late.number_of("gross_delay_frames"), late.flag_of("gross_false")), (Some(2.0), Some(false)));
         assert_eq!((late.number_of("gross_later_frames"), late.number_of("gross_kept_frames")), (Some(7.0), Some(6.0)));
+        assert!(late.number_of("gross_delay_ms").is_some_and(|ms| (ms - 66.7).abs() < 0.1), "{late:?}");
         let rival = record(&scored_trial, named("paper").expect("a rival"), &watched, &seen);
         assert!(rival.more.keys().all(|key| !key.starts_with("gross_") || key == "gross_frame"), "{rival:?}");
+        let decided = [&late, &rival].map(|record| record.number_of("decided_frames").is_some());
+        assert_eq!(decided, [true, false], "a rival has no state");
         seen[20].state = SlipState::Gross;
         let early = record(&scored_trial, &DETECTORS[0], &watched, &seen);
         assert_eq!((early.flag_of("gross_false"), early.number_of("gross_delay_frames")), (Some(true), Some(2.0)));

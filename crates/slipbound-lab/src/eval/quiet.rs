@@ -10,6 +10,7 @@
 use super::error::EvalError;
 use super::outcome::GROSS_FROM_FRACTION;
 use super::protocol::Protocol;
+use super::ramp_tables::share_of_keys;
 use super::record::TrialRecord;
 use super::statistics::{Estimated, rate_per_h, share, share_of_frames};
 use super::table::{Cell, Table};
@@ -216,7 +217,7 @@ fn record(number: u64, trial: &Trial, script: &Script, watched: &Watched, entry:
     .with("frames", (0..seen.len()).filter(|&n| counts(n)).count())
     .with("alarm_frames", (0..seen.len()).filter(|&n| counts(n) && seen[n].alarms).count())
     .with("contact_frames", touching().count())
-    .with("decided_frames", touching().filter(|&n| seen[n].is_decided()).count())
+    .with("decided_frames", entry.is_ours().then(|| touching().filter(|&n| seen[n].is_decided()).count()))
     .with("most_load_fraction", held.map(load).fold(0.0, f64::max))
 }
 
@@ -282,8 +283,8 @@ impl Protocol for Quiet {
                 Cell::Number(rate_per_h(alarms, hours_h), 2),
                 Cell::Share(share(some.iter().filter(|r| r.verdict).count() as u64, episodes)),
                 Cell::Share(share_of_frames(sum("alarm_frames"), frames, episodes)),
-                // Of older records, none.
-                Cell::Share(share_of_frames(sum("decided_frames"), sum("contact_frames"), episodes)),
+                // Rivals have no state, and older records do not say.
+                share_of_keys(&some, "decided_frames", "contact_frames"),
             ]);
             let of_event = |event: &str| {
                 let count = |r: &&TrialRecord| r.more.get("alarms_by_event")?.get(event)?.as_u64();
@@ -387,9 +388,13 @@ mod tests {
 
     #[test]
     fn who_is_unsure_raises_no_alarm_and_covers_less() {
-        let table = &Quiet::new(0, Some(1)).tables(&[judged("ours", ".??i.......", None)])[0];
-        let row = table.rows[0].iter().zip(&table.columns);
-        let coverage = row.filter(|(_, column)| *column == "coverage %").map(|(cell, _)| cell.clone()).next();
-        assert_eq!(coverage, Some(Cell::Share(share_of_frames(8, 10, 1))), "of the frames with contact");
+        let records = [judged("ours", ".??i.......", None), judged("paper", ".??i.......", None)];
+        let table = &Quiet::new(0, Some(1)).tables(&records)[0];
+        let coverage = |row: usize| {
+            let row = table.rows[row].iter().zip(&table.columns);
+            row.filter(|(_, column)| *column == "coverage %").map(|(cell, _)| cell.clone()).next()
+        };
+        assert_eq!(coverage(1), Some(Cell::None), "the state is ours");
+        assert_eq!(coverage(0), Some(Cell::Share(share_of_frames(8, 10, 1))), "of the frames with contact");
     }
 }

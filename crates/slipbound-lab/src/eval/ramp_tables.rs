@@ -99,15 +99,19 @@ fn alarm_table(prefix: &str, note: &str) -> Table {
     )
 }
 
-/// Coverage: share of the loaded frames that were decided.
+/// Coverage: share of the loaded frames that were decided; none of rivals, which have no state.
 pub(super) fn coverage(records: &[&TrialRecord]) -> Cell {
     share_of_keys(records, "decided_frames", "loaded_frames")
 }
 
-/// Share of some frames, counted by the first key, in others, counted by the second, of the trials that have any.
-fn share_of_keys(records: &[&TrialRecord], key: &str, of: &str) -> Cell {
+/// Share of some frames, counted by the first key, in others, counted by the second, of the trials that have any. None
+/// where no record counts them.
+pub(super) fn share_of_keys(records: &[&TrialRecord], key: &str, of: &str) -> Cell {
     let some: Vec<&TrialRecord> =
         records.iter().copied().filter(|r| r.number_of(of).is_some_and(|count| count > 0.0)).collect();
+    if numbers(&some, key).is_empty() {
+        return Cell::None;
+    }
     let sum = |key: &str| numbers(&some, key).iter().sum::<f64>() as u64;
     Cell::Share(share_of_frames(sum(key), sum(of), some.len() as u64))
 }
@@ -213,7 +217,10 @@ pub(super) fn gross_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
     let delays = numbers(all, "gross_delay_frames");
     // A ramp in which it was never reported is not within two frames.
     let within = delays.iter().filter(|&&delay| delay <= GROSS_WITHIN_FRAMES as f64).count() as u64;
-    let soon = numbers(all, "gross_delay_ms").iter().filter(|&&delay_ms| delay_ms <= GROSS_WITHIN_MS).count() as u64;
+    let delays_ms = numbers(all, "gross_delay_ms");
+    let soon = delays_ms.iter().filter(|&&delay_ms| delay_ms <= GROSS_WITHIN_MS).count() as u64;
+    // Older records do not tell the time.
+    let is_told = delays.is_empty() || !delays_ms.is_empty();
     let wrong = all.iter().filter(|r| r.flag_of(GROSS_FALSE) == Some(true)).count() as u64;
     vec![
         name.into(),
@@ -221,7 +228,7 @@ pub(super) fn gross_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
         Cell::Share(share(delays.len() as u64, all.len() as u64)),
         Cell::Number(median(&delays), 1),
         Cell::Share(share(within, all.len() as u64)),
-        Cell::Share(share(soon, all.len() as u64)),
+        if is_told { Cell::Share(share(soon, all.len() as u64)) } else { Cell::None },
         share_of_keys(all, "gross_kept_frames", "gross_later_frames"),
         Cell::Share(share(wrong, all.len() as u64)),
     ]

@@ -98,7 +98,7 @@ impl MarkerTemplates {
         let mut held = false;
         let mut fit = |start: Option<Vec2>| -> Option<Fit> {
             let start = Start { place: start?, weave, stretch };
-            held |= self.window.holds(size, start.place);
+            held |= self.window.holds_dot(template, size, start.place);
             self.window.find(template, &imprint.grey, size, start, SEARCH_PITCH * self.pitch_px)
         };
         let by_neighbours = fit(inferred.or(spot));

@@ -97,10 +97,15 @@ impl Window {
     }
 
     /// Whether a window about a place lies within the image.
-    pub fn holds(&self, size: SizePx, place: Vec2) -> bool {
+    pub(super) fn holds(&self, size: SizePx, place: Vec2) -> bool {
         let reach = (self.side as f64 - 1.0) / 2.0;
         let inside = |v: f64, end: usize| v >= reach + 2.0 && v + reach + 3.0 < end as f64;
         inside(place.x, size.width) && inside(place.y, size.height)
+    }
+
+    /// The same of a window that is expected to show the dot of a template at a place.
+    pub fn holds_dot(&self, template: &Template, size: SizePx, place: Vec2) -> bool {
+        self.holds(size, place - template.offset)
     }
 
     /// Sum of squares of the sampled window not explained by level or slope, levels squared.
