@@ -158,7 +158,7 @@ fn a_run_that_a_fault_ends_is_a_row_of_the_table_of_trials() {
     let what = ["trials", "--task", "lift", "--controller", "constant", "--mu", "0.9", "--fingers", "1"];
     let output = slipbound(&[&what[..], &["--seeds", "2", "--settings", settings]].concat());
     let told = printed(&output);
-    assert!(told.contains("| lift | water_bottle | 0.9 | constant | 1 | 0 of 2 |"), "{told}");
+    assert!(told.contains("| lift | task | 0.9 | constant | 1 | 0 of 2 |"), "{told}");
 }
 
 /// Every file of a folder and its bytes, by its name.
