@@ -27,6 +27,7 @@ mod ramp_tables;
 pub mod ramps;
 pub mod record;
 mod runner;
+pub mod shard;
 pub mod slides;
 mod stated_error;
 pub mod statistics;

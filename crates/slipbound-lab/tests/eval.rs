@@ -1,6 +1,7 @@
 //! Sweeps: the same records with any number of cores, after an interruption, and from shards.
 
-use slipbound_lab::eval::folder::{Shard, SweepFolder};
+use slipbound_lab::eval::folder::SweepFolder;
+use slipbound_lab::eval::shard::Shard;
 use slipbound_lab::eval::{Protocol, Sweep, SweepError, TrialRecord, run, simulated};
 use slipbound_lab::fit::TRAINING_SEED;
 use slipbound_lab::rivals::{DETECTORS, Entry, named};

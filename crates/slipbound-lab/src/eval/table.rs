@@ -1,6 +1,6 @@
 //! Tables of a sweep, as Markdown and as JSON.
 
-use super::folder::Shard;
+use super::shard::Shard;
 use super::statistics::Estimated;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
