@@ -62,15 +62,19 @@ impl Process {
     /// Its exit code at its end, and what it said; calls `meanwhile` until then.
     pub fn ended(mut self, longest: Duration, mut meanwhile: impl FnMut()) -> (Option<i32>, String) {
         let until = Instant::now() + longest;
-        while self.0.try_wait().expect("known").is_none() {
-            assert!(Instant::now() < until, "it has not ended within {longest:?}");
+        while self.0.try_wait().expect("known").is_none() && Instant::now() < until {
             meanwhile();
             sleep(Duration::from_millis(10));
         }
-        let code = self.0.try_wait().expect("known").and_then(|status| status.code());
+        let is_over = self.0.try_wait().expect("known").is_some();
+        if !is_over {
+            self.0.kill().expect("it can be killed");
+        }
+        let code = self.0.wait().expect("known").code();
         let mut said = String::new();
         self.0.stdout.take().expect("piped").read_to_string(&mut said).expect("UTF-8");
         self.0.stderr.take().expect("piped").read_to_string(&mut said).expect("UTF-8");
+        assert!(is_over, "it has not ended within {longest:?}: {said}");
         (code, said)
     }
 
