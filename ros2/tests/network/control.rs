@@ -12,8 +12,8 @@ use slipbound_lab::world::World;
 use slipbound_rig::sensors;
 use slipbound_ros2::gripper::TopicGripper;
 use slipbound_ros2::msg::{
-    CompressedImage, GripperState, HandReport, Header, JointState, SlipReport, WristCommand,
-    WristState as WristStateMessage,
+    CompressedImage, GripCommand as GripCommandMessage, GripperState, HandReport, Header, JointState, SlipReport,
+    WristCommand, WristState as WristStateMessage,
 };
 use slipbound_ros2::ros::{LAST_RELIABLE, RELIABLE, Ros, SENSOR_DATA, stamp};
 use slipbound_ros2::wrist::TopicWrist;
@@ -279,6 +279,7 @@ fn hold_commands_the_gripper_alone_and_publishes_what_it_sees() {
     let mut ros = Ros::new("/", "test_hold", domain_id).expect("joins");
     let mut reports = ros.inbox::<SlipReport>("/slipbound/left/report", &RELIABLE).expect("a subscription");
     let mut hands = ros.inbox::<HandReport>("/slipbound/hand/report", &RELIABLE).expect("a subscription");
+    let _silent = ros.publisher::<GripCommandMessage>("/one/gripper/command", &LAST_RELIABLE).expect("a publisher");
     let mut control = Loop::start(&["hold", "--for-s", "1"], TOPICS, domain_id);
     let report = next(&mut reports, LONGEST_WAIT).expect("a report");
     assert_eq!((report.finger.as_str(), report.header.frame_id.as_str()), ("left", "camera"));
@@ -286,6 +287,8 @@ fn hold_commands_the_gripper_alone_and_publishes_what_it_sees() {
     assert_eq!(next(&mut hands, LONGEST_WAIT).expect("a report").health[0], "live");
     let (code, said) = control.ended(|| {});
     assert!(code == Some(0) && said.contains("  time until it ended         "), "held to the end of its time: {said}");
+    let listens = "waits for /one/gripper/command: another node can publish here; no command of it for 5 s";
+    assert!(said.contains(listens), "{said}");
     let held: Vec<f64> = targets_n(&nodes.gripper_log).into_iter().skip_while(|n| *n != FORCE_N).collect();
     assert!(!held.is_empty() && held.iter().all(|n| *n == FORCE_N), "and left holding");
     let lowered = last_line(&nodes.wrist_log).expect("a log");
