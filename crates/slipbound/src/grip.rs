@@ -36,6 +36,7 @@ mod force_sense;
 mod guard;
 mod margin;
 mod on_slip;
+mod unsure;
 
 pub use constant::Constant;
 pub(crate) use controller::arrived;

@@ -83,6 +83,47 @@ fn a_gripper_that_never_presses_as_told_stops_the_arm_for_a_second_and_not_for_e
     assert_eq!(waits(&told), format!("{}{}", "#".repeat(31), ".".repeat(9)), "30 frames are a hair less than 1 s");
 }
 
+/// A contact that used 0.4 of the friction when last judged becomes unsure: 10 N/s, from 10 N to at most 15 N, until
+/// contact is lost or the next slip.
+#[test]
+fn what_was_loaded_and_cannot_be_judged_is_gripped_harder_within_bounds() {
+    let settings = OnSlipSettings::default();
+    let forces = |settings: OnSlipSettings, last: Option<f64>, unsure: Option<f64>, row: &str| -> Vec<f64> {
+        let mut hands = hands(row);
+        for hand in &mut hands {
+            hand.margin = if hand.state == SlipState::Unsure { unsure } else { last };
+        }
+        told_by(Law::OnSlip(settings), GripLimits::default(), &hands, None).0.iter().map(|told| told.force_n).collect()
+    };
+    let row = format!("...{}..{}x......{}", "?".repeat(20), "?".repeat(5), "?".repeat(60));
+    let risen = forces(settings, Some(0.6), None, &row);
+    let near = |at: usize, n: f64| assert!((risen[at] - n).abs() < 0.02, "frame {at}: {} for {n} N", risen[at]);
+    for (at, n) in
+        [(2, 10.0), (3, 10.33), (11, 13.0), (22, 15.0), (29, 15.0), (30, 25.0), (36, 25.0), (37, 25.33), (96, 37.5)]
+    {
+        near(at, n);
+    }
+    let kept = |settings, last, unsure| forces(settings, last, unsure, "...????????").iter().all(|n| *n == 10.0);
+    assert!(!kept(settings, Some(0.6), Some(0.45)), "a margin from images alone that shows a slip");
+    assert!(kept(settings, Some(0.6), Some(0.55)), "and one that shows none");
+    assert!(kept(settings, Some(0.85), None), "hardly loaded");
+    assert!(kept(settings, None, None), "never judged");
+    let mut never = settings;
+    never.unsure_n_per_s = 0.0;
+    assert!(kept(never, Some(0.6), None) && kept(settings.with_step_n(-5.0), Some(0.6), None));
+}
+
+#[test]
+fn a_load_of_an_earlier_contact_counts_no_longer() {
+    let mut hands = hands("...?.????");
+    for hand in &mut hands {
+        hand.margin = (hand.state == SlipState::Stick).then_some(0.6);
+    }
+    hands[4] = HandReport { margin: None, ..hand(SlipState::NoContact) };
+    let (told, ..) = told_by(Law::OnSlip(OnSlipSettings::default()), GripLimits::default(), &hands, None);
+    assert!((told[3].force_n - 10.33).abs() < 0.02 && told[8].force_n == told[3].force_n, "{told:?}");
+}
+
 fn margin_law() -> Law {
     Law::Margin(MarginSettings::default().with_stiffness_mpa_per_mm(0.05))
 }

@@ -2,7 +2,7 @@
 
 use slipbound::control::{CycleOutcome, CycleView, Fault};
 use slipbound::finger_pipeline::FingerView;
-use slipbound::monitor::{Reason, RestKind};
+use slipbound::monitor::{Reason, RestKind, SlipState};
 use slipbound::port::{Clock, Next};
 
 /// Limits beyond which cameras are reported.
@@ -29,6 +29,9 @@ pub struct RunNotes {
     /// Faults reported since the last cycle without a fault.
     faults: Vec<Fault>,
     is_lowering_told: bool,
+    /// The force of the last command, N per finger, and whether its rise while the hand is unsure was reported.
+    grip_n: Option<f64>,
+    is_rise_told: bool,
     /// Fingers reported because they start in contact, and those reported because their markers are not those of their
     /// sensor file.
     in_contact: Vec<String>,
@@ -67,6 +70,7 @@ impl RunNotes {
             self.is_lowering_told = true;
             lines.push(why.to_owned());
         }
+        lines.extend(self.rise_while_unsure(view));
         lines.extend(self.skew(view));
         let max_silence_ns = self.limits.max_silence_ns;
         self.heard.resize(view.fingers.len(), (view.now_ns, false));
@@ -112,6 +116,20 @@ impl RunNotes {
             }
         }
         lines
+    }
+
+    /// That the grip rises because a loaded contact can be judged no longer; once until it is judged again.
+    fn rise_while_unsure(&mut self, view: &CycleView<'_>) -> Option<String> {
+        let cycle = view.outcome?.commanded()?;
+        let now_n = cycle.grip_command.force_n();
+        let from_n = std::mem::replace(&mut self.grip_n, now_n);
+        if cycle.hand.state != SlipState::Unsure {
+            self.is_rise_told = false;
+            return None;
+        }
+        let from_n = from_n.zip(now_n).filter(|(from_n, now_n)| from_n < now_n && !self.is_rise_told)?.0;
+        self.is_rise_told = true;
+        Some(format!("unsure under a load: the grip rises from {from_n:.1} N, within the bounds of its controller"))
     }
 
     /// How far the stamps of two fingers' frames are apart, when that exceeds the limit or no longer does.

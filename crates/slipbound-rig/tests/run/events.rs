@@ -62,6 +62,38 @@ fn after_the_end_of_the_task_nothing_is_said_to_go_on() {
     }
 }
 
+#[test]
+fn a_grip_that_rises_while_the_hand_is_unsure_is_told_of_once_until_it_is_judged_again() {
+    let mut notes = RunNotes::default();
+    // `.` stick, `?` unsure, with the force of the command, N.
+    let course =
+        [('.', 10.0), ('.', 20.0), ('?', 20.0), ('?', 20.4), ('?', 20.8), ('.', 20.8), ('?', 20.8), ('?', 21.0)];
+    let told: Vec<Vec<String>> = course
+        .iter()
+        .map(|&(sign, force_n)| {
+            let mut cycle = screw::cycles()[100];
+            cycle.hand.state = if sign == '?' { SlipState::Unsure } else { SlipState::Stick };
+            cycle.grip_command = GripCommand::Hold { force_n };
+            notes.see(&CycleView {
+                now_ns: 1,
+                outcome: Some(&CycleOutcome::Commanded(cycle)),
+                fingers: &[],
+                fault: None,
+                refused_lowering: None,
+                driver_events: &[],
+                truth: None,
+            })
+        })
+        .collect();
+    let rise = |from_n: &str| {
+        vec![format!("unsure under a load: the grip rises from {from_n} N, within the bounds of its controller")]
+    };
+    for (at, lines) in told.iter().enumerate() {
+        let expected = [(3, rise("20.0")), (7, rise("20.8"))].into_iter().find(|(i, _)| *i == at);
+        assert_eq!(*lines, expected.map(|(_, lines)| lines).unwrap_or_default(), "cycle {at}");
+    }
+}
+
 /// A task whose time is over while there is a fault: what has ended it is noted by whoever drives the loop.
 #[test]
 fn what_is_held_to_the_end_with_a_fault_is_not_told_as_held() {

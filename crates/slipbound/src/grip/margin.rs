@@ -30,15 +30,13 @@
 //! first, and keeps the grip constant without the second.
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived, step_s};
+use super::unsure::{UnsureRise, is_loaded};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::GripperState;
 use crate::setting::{SettingError, within};
 use crate::smoothing;
 use serde::{Deserialize, Serialize};
-
-/// A contact whose last known margin was smaller than this is loaded.
-const LOADED_MARGIN: f64 = 0.8;
 
 /// The minimum holding force is growing, and the grip is not lowered, while it exceeds its mean over this time by this
 /// share plus this force. Friction is estimated late: force released under a growing load would be missing then.
@@ -217,8 +215,7 @@ pub struct Margin {
     margins_most: u32,
     /// The last slide, until the load has fallen.
     stopped: Option<StoppedSlide>,
-    /// Grip when the margin of a loaded contact was lost, N.
-    unsure_from_n: Option<f64>,
+    unsure_rise: UnsureRise,
     alarms_count: u32,
     slipping: bool,
     wants_more: bool,
@@ -240,7 +237,7 @@ impl Margin {
             margin: None,
             margins_most: 0,
             stopped: None,
-            unsure_from_n: None,
+            unsure_rise: UnsureRise::new(settings.unsure_n_per_s, settings.unsure_most_fraction),
             alarms_count: 0,
             slipping: false,
             wants_more: false,
@@ -282,13 +279,10 @@ impl Margin {
     /// No margin or no force is known. What slides is gripped harder. A contact that was loaded when last judged may be
     /// slipping; without frames or contact nothing is known.
     fn without_margin(&mut self, hand: &HandReport, elapsed_s: f64) -> GripDecision {
-        let was_loaded = self.margin.is_some_and(|margin| margin < LOADED_MARGIN);
         if hand.state == SlipState::Gross {
             self.force_n = (self.force_n + self.settings.raise_n_per_s * elapsed_s).min(self.limits.most_n);
-        } else if hand.state == SlipState::Unsure && was_loaded {
-            let from_n = *self.unsure_from_n.get_or_insert(self.force_n);
-            let most_n = (from_n * (1.0 + self.settings.unsure_most_fraction)).min(self.limits.most_n);
-            self.force_n = (self.force_n + self.settings.unsure_n_per_s * elapsed_s).min(most_n).max(self.force_n);
+        } else if hand.state == SlipState::Unsure && is_loaded(self.margin) {
+            self.force_n = self.unsure_rise.raised_n(self.force_n, self.limits.most_n, elapsed_s);
         }
         GripDecision { force_n: self.force_n, arm: ArmMotion::Go }
     }
@@ -318,7 +312,7 @@ impl GripController for Margin {
         let (Some(used), Some(pressed_n)) = (used.or(gross.then_some(1.0)), pressed_n) else {
             return self.without_margin(hand, elapsed_s);
         };
-        self.unsure_from_n = None;
+        self.unsure_rise.reset();
         let doubt = doubt(hand.cut_fraction);
         let target = self.settings.target(hand.friction, doubt);
         let holding_n = self.update_holding_n(used, pressed_n, elapsed_s, misses);

@@ -1,4 +1,5 @@
 //! The law of the paper's bottle experiments: hold with 10 N; at incipient slip pause, add 10 N, continue, up to 60 N.
+//! Beyond the paper: what was loaded and can be judged no longer is gripped harder, slowly and within bounds.
 //!
 //! ```text
 //!   force   60 |                    ____
@@ -8,8 +9,10 @@
 //!              +---------------------------> time     the arm pauses at each step until the force has been reached
 //! ```
 
-use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived};
+use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived, step_s};
+use super::unsure::{UnsureRise, is_loaded};
 use crate::hand::HandReport;
+use crate::monitor::SlipState;
 use crate::port::GripperState;
 use crate::setting::{SettingError, within};
 use serde::{Deserialize, Serialize};
@@ -28,7 +31,16 @@ pub struct OnSlipSettings {
     pub settle_ns: u64,
     /// Longest pause for one step, ns, so that a gripper that never reports its force does not stop the arm forever.
     pub longest_pause_ns: u64,
+    /// Rate of increase while a contact that was loaded when last judged is `unsure`, N per finger and second; 0: none,
+    /// as in the paper. None either where `step_n` is not positive.
+    pub unsure_n_per_s: f64,
+    /// Limit of that increase between two slips, as a fraction of the grip at which it began.
+    pub unsure_most_fraction: f64,
 }
+
+/// While the hand is `unsure`, a slip is not reported where the grip force is unknown. A margin below this, the default
+/// `slip.alarm_margin_fraction`, would be one.
+const SLIPPING_MARGIN: f64 = 0.5;
 
 impl Default for OnSlipSettings {
     fn default() -> Self {
@@ -37,6 +49,8 @@ impl Default for OnSlipSettings {
             hold_off_ns: 200_000_000,
             settle_ns: 90_000_000,
             longest_pause_ns: 1_000_000_000,
+            unsure_n_per_s: 10.0,
+            unsure_most_fraction: 0.5,
         }
     }
 }
@@ -53,7 +67,9 @@ impl OnSlipSettings {
         within("on_slip.step_n", self.step_n, -1000.0, 1000.0)?;
         within("on_slip.hold_off_ns", self.hold_off_ns as f64, 0.0, 10e9)?;
         within("on_slip.settle_ns", self.settle_ns as f64, 0.0, 10e9)?;
-        within("on_slip.longest_pause_ns", self.longest_pause_ns as f64, 0.0, 60e9)
+        within("on_slip.longest_pause_ns", self.longest_pause_ns as f64, 0.0, 60e9)?;
+        within("on_slip.unsure_n_per_s", self.unsure_n_per_s, 0.0, 1000.0)?;
+        within("on_slip.unsure_most_fraction", self.unsure_most_fraction, 0.0, 10.0)
     }
 }
 
@@ -77,6 +93,10 @@ pub struct OnSlip {
     alarms_count: u32,
     last_alarm_ns: Option<u64>,
     wants_more: bool,
+    last_ns: Option<u64>,
+    /// The margin when the contact was last judged.
+    last_margin: Option<f64>,
+    unsure_rise: UnsureRise,
 }
 
 impl OnSlip {
@@ -91,6 +111,9 @@ impl OnSlip {
             alarms_count: 0,
             last_alarm_ns: None,
             wants_more: false,
+            last_ns: None,
+            last_margin: None,
+            unsure_rise: UnsureRise::new(settings.unsure_n_per_s, settings.unsure_most_fraction),
         })
     }
 
@@ -104,12 +127,35 @@ impl OnSlip {
             return;
         }
         self.force_n = force_n;
+        self.unsure_rise.reset();
         self.phase = Phase::Stepping { since_ns: now_ns, arrived_ns: None };
+    }
+}
+
+impl OnSlip {
+    /// What was loaded and is `unsure` may be slipping.
+    fn raise_while_unsure(&mut self, hand: &HandReport, elapsed_s: f64) {
+        self.last_margin = match hand.state {
+            SlipState::NoContact => None,
+            _ => hand.margin.or(self.last_margin),
+        };
+        match hand.state {
+            SlipState::NoContact => self.unsure_rise.reset(),
+            SlipState::Unsure => {
+                let may_slip = hand.margin.is_none_or(|margin| margin <= SLIPPING_MARGIN);
+                if may_slip && is_loaded(self.last_margin) && self.settings.step_n > 0.0 {
+                    self.force_n = self.unsure_rise.raised_n(self.force_n, self.limits.most_n, elapsed_s);
+                }
+            }
+            _ => {}
+        }
     }
 }
 
 impl GripController for OnSlip {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
+        let elapsed_s = step_s(self.last_ns.replace(now_ns), now_ns);
+        self.raise_while_unsure(hand, elapsed_s);
         let held_off = self.last_alarm_ns.is_some_and(|last| now_ns.saturating_sub(last) < self.settings.hold_off_ns);
         if hand.state.is_slip() && !held_off {
             self.alarm(now_ns, gripper);

@@ -167,7 +167,9 @@ impl TaskSettings {
         }
         let law = match self.controller {
             ControllerKind::Constant => Law::Constant,
-            ControllerKind::OnSlip | ControllerKind::Paper => Law::OnSlip(self.on_slip),
+            ControllerKind::OnSlip => Law::OnSlip(self.on_slip),
+            // The literal law of the paper answers slip alone.
+            ControllerKind::Paper => Law::OnSlip(OnSlipSettings { unsure_n_per_s: 0.0, ..self.on_slip }),
             ControllerKind::Margin => Law::Margin(self.margin.for_finger(stiffness_mpa_per_mm)?),
         };
         settings.task_with(kind, law.controller(&self.grip)?, stiffness_mpa_per_mm)

@@ -1,0 +1,46 @@
+//! A contact that was loaded when last judged and can be judged no longer may be slipping: the grip rises slowly, within
+//! bounds.
+//!
+//! ```text
+//!   force   1.5 n |            ______________     n: the force at which it began
+//!                 |        __/                    slope: `unsure_n_per_s`
+//!               n |_______/
+//!                 +---------------------------> time
+//!                   stick |  unsure
+//! ```
+
+/// A contact whose last known margin was smaller than this is loaded.
+const LOADED_MARGIN: f64 = 0.8;
+
+/// Whether a contact of this last known margin is loaded.
+pub(super) fn is_loaded(last_margin: Option<f64>) -> bool {
+    last_margin.is_some_and(|margin| margin < LOADED_MARGIN)
+}
+
+/// The rise while the hand is `unsure`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct UnsureRise {
+    n_per_s: f64,
+    most_fraction: f64,
+    /// The force at which it began, N.
+    from_n: Option<f64>,
+}
+
+impl UnsureRise {
+    /// Of a rate, N per finger and second, and of at most this fraction of the force at which it begins.
+    pub fn new(n_per_s: f64, most_fraction: f64) -> Self {
+        UnsureRise { n_per_s, most_fraction, from_n: None }
+    }
+
+    /// The next rise begins anew, at the force of then.
+    pub fn reset(&mut self) {
+        self.from_n = None;
+    }
+
+    /// The force after this time, N per finger: at most `limit_n` and never lower than `force_n`.
+    pub fn raised_n(&mut self, force_n: f64, limit_n: f64, elapsed_s: f64) -> f64 {
+        let from_n = *self.from_n.get_or_insert(force_n);
+        let most_n = (from_n * (1.0 + self.most_fraction)).min(limit_n);
+        (force_n + self.n_per_s * elapsed_s).min(most_n).max(force_n)
+    }
+}
