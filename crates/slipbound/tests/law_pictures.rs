@@ -115,13 +115,16 @@ fn what_was_loaded_and_cannot_be_judged_is_gripped_harder_within_bounds() {
 
 #[test]
 fn a_load_of_an_earlier_contact_counts_no_longer() {
-    let mut hands = hands("...?.????");
-    for hand in &mut hands {
-        hand.margin = (hand.state == SlipState::Stick).then_some(0.6);
+    for law in [Law::OnSlip(OnSlipSettings::default()), margin_law()] {
+        let mut hands = hands("...?.????");
+        for hand in &mut hands {
+            hand.margin = (hand.state == SlipState::Stick).then_some(0.6);
+        }
+        hands[4] = HandReport { margin: None, ..hand(SlipState::NoContact) };
+        let (told, ..) = told_by(law, GripLimits::default(), &hands, None);
+        assert!((told[3].force_n - told[2].force_n - 0.33).abs() < 0.02, "{law:?} {told:?}");
+        assert_eq!(told[8].force_n, told[3].force_n, "{law:?} {told:?}");
     }
-    hands[4] = HandReport { margin: None, ..hand(SlipState::NoContact) };
-    let (told, ..) = told_by(Law::OnSlip(OnSlipSettings::default()), GripLimits::default(), &hands, None);
-    assert!((told[3].force_n - 10.33).abs() < 0.02 && told[8].force_n == told[3].force_n, "{told:?}");
 }
 
 fn margin_law() -> Law {

@@ -30,7 +30,7 @@
 //! first, and keeps the grip constant without the second.
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived, step_s};
-use super::unsure::{UnsureRise, is_loaded};
+use super::unsure::UnsureRise;
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::GripperState;
@@ -279,9 +279,12 @@ impl Margin {
     /// No margin or no force is known. What slides is gripped harder. A contact that was loaded when last judged may be
     /// slipping; without frames or contact nothing is known.
     fn without_margin(&mut self, hand: &HandReport, elapsed_s: f64) -> GripDecision {
+        if hand.state == SlipState::NoContact {
+            self.unsure_rise.contact_lost();
+        }
         if hand.state == SlipState::Gross {
             self.force_n = (self.force_n + self.settings.raise_n_per_s * elapsed_s).min(self.limits.most_n);
-        } else if hand.state == SlipState::Unsure && is_loaded(self.margin) {
+        } else if hand.state == SlipState::Unsure {
             self.force_n = self.unsure_rise.raised_n(self.force_n, self.limits.most_n, elapsed_s);
         }
         GripDecision { force_n: self.force_n, arm: ArmMotion::Go }
@@ -312,12 +315,14 @@ impl GripController for Margin {
         let (Some(used), Some(pressed_n)) = (used.or(gross.then_some(1.0)), pressed_n) else {
             return self.without_margin(hand, elapsed_s);
         };
-        self.unsure_rise.reset();
+        self.unsure_rise.begin_anew();
         let doubt = doubt(hand.cut_fraction);
         let target = self.settings.target(hand.friction, doubt);
         let holding_n = self.update_holding_n(used, pressed_n, elapsed_s, misses);
         let used = holding_n / pressed_n;
-        self.margin = Some((1.0 - used).clamp(0.0, 1.0));
+        let margin = (1.0 - used).clamp(0.0, 1.0);
+        self.margin = Some(margin);
+        self.unsure_rise.judged(margin);
         let raised_n = self.force_n + self.settings.raise_n_per_s * elapsed_s;
         let wanted_n = holding_n / target;
         // What slides under the force that should hold it needs more, however much of it the gripper reads.

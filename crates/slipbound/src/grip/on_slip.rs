@@ -10,7 +10,7 @@
 //! ```
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived, step_s};
-use super::unsure::{UnsureRise, is_loaded};
+use super::unsure::UnsureRise;
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::GripperState;
@@ -94,8 +94,6 @@ pub struct OnSlip {
     last_alarm_ns: Option<u64>,
     wants_more: bool,
     last_ns: Option<u64>,
-    /// The margin when the contact was last judged.
-    last_margin: Option<f64>,
     unsure_rise: UnsureRise,
 }
 
@@ -112,7 +110,6 @@ impl OnSlip {
             last_alarm_ns: None,
             wants_more: false,
             last_ns: None,
-            last_margin: None,
             unsure_rise: UnsureRise::new(settings.unsure_n_per_s, settings.unsure_most_fraction),
         })
     }
@@ -127,7 +124,7 @@ impl OnSlip {
             return;
         }
         self.force_n = force_n;
-        self.unsure_rise.reset();
+        self.unsure_rise.begin_anew();
         self.phase = Phase::Stepping { since_ns: now_ns, arrived_ns: None };
     }
 }
@@ -135,19 +132,14 @@ impl OnSlip {
 impl OnSlip {
     /// What was loaded and is `unsure` may be slipping.
     fn raise_while_unsure(&mut self, hand: &HandReport, elapsed_s: f64) {
-        self.last_margin = match hand.state {
-            SlipState::NoContact => None,
-            _ => hand.margin.or(self.last_margin),
-        };
-        match hand.state {
-            SlipState::NoContact => self.unsure_rise.reset(),
-            SlipState::Unsure => {
-                let may_slip = hand.margin.is_none_or(|margin| margin <= SLIPPING_MARGIN);
-                if may_slip && is_loaded(self.last_margin) && self.settings.step_n > 0.0 {
-                    self.force_n = self.unsure_rise.raised_n(self.force_n, self.limits.most_n, elapsed_s);
-                }
-            }
-            _ => {}
+        match hand.margin {
+            _ if hand.state == SlipState::NoContact => self.unsure_rise.contact_lost(),
+            Some(margin) => self.unsure_rise.judged(margin),
+            None => {}
+        }
+        let may_slip = hand.margin.is_none_or(|margin| margin <= SLIPPING_MARGIN);
+        if hand.state == SlipState::Unsure && may_slip && self.settings.step_n > 0.0 {
+            self.force_n = self.unsure_rise.raised_n(self.force_n, self.limits.most_n, elapsed_s);
         }
     }
 }

@@ -12,16 +12,13 @@
 /// A contact whose last known margin was smaller than this is loaded.
 const LOADED_MARGIN: f64 = 0.8;
 
-/// Whether a contact of this last known margin is loaded.
-pub(super) fn is_loaded(last_margin: Option<f64>) -> bool {
-    last_margin.is_some_and(|margin| margin < LOADED_MARGIN)
-}
-
 /// The rise while the hand is `unsure`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct UnsureRise {
     n_per_s: f64,
     most_fraction: f64,
+    /// The margin when the contact was last judged.
+    last_margin: Option<f64>,
     /// The force at which it began, N.
     from_n: Option<f64>,
 }
@@ -29,16 +26,30 @@ pub(super) struct UnsureRise {
 impl UnsureRise {
     /// Of a rate, N per finger and second, and of at most this fraction of the force at which it begins.
     pub fn new(n_per_s: f64, most_fraction: f64) -> Self {
-        UnsureRise { n_per_s, most_fraction, from_n: None }
+        UnsureRise { n_per_s, most_fraction, last_margin: None, from_n: None }
     }
 
-    /// The next rise begins anew, at the force of then.
-    pub fn reset(&mut self) {
+    /// The contact was judged.
+    pub fn judged(&mut self, margin: f64) {
+        self.last_margin = Some(margin);
+    }
+
+    /// The next rise begins at the force of then.
+    pub fn begin_anew(&mut self) {
         self.from_n = None;
     }
 
-    /// The force after this time, N per finger: at most `limit_n` and never lower than `force_n`.
+    /// The contact was lost: the next one is another.
+    pub fn contact_lost(&mut self) {
+        (self.last_margin, self.from_n) = (None, None);
+    }
+
+    /// The force after this time in which the hand was `unsure`, N per finger: at most `limit_n`, never lower than
+    /// `force_n`, and the same where the contact was not loaded.
     pub fn raised_n(&mut self, force_n: f64, limit_n: f64, elapsed_s: f64) -> f64 {
+        if self.last_margin.is_none_or(|margin| margin >= LOADED_MARGIN) {
+            return force_n;
+        }
         let from_n = *self.from_n.get_or_insert(force_n);
         let most_n = (from_n * (1.0 + self.most_fraction)).min(limit_n);
         (force_n + self.n_per_s * elapsed_s).min(most_n).max(force_n)
