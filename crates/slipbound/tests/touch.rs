@@ -4,7 +4,7 @@ mod picture;
 
 use picture::{Painter, Touch, frame};
 use slipbound::finger_pipeline::rest_from;
-use slipbound::image::SizePx;
+use slipbound::image::{Frame, SizePx};
 use slipbound::monitor::{RestBuilder, RestKind, Settings, SlipMonitor, SlipReport, SlipState};
 use slipbound::plane::Vec2;
 use slipbound::sensor::Skin;
@@ -269,6 +269,20 @@ fn a_contact_ends_though_frames_are_dark_in_step_with_the_schedule() {
         assert!(states[17] != SlipState::NoContact && states[18] == SlipState::Unjudged, "{skin:?}: {states:?}");
         let is_free = |state: &SlipState| matches!(state, SlipState::NoContact | SlipState::Unjudged);
         assert!(states[38..].iter().all(is_free), "{skin:?}: {states:?}");
+    }
+}
+
+/// Times in milliseconds or microseconds say nothing: every frame gets every step.
+#[test]
+fn a_contact_ends_though_times_are_in_another_unit() {
+    for frame_ns in [33, 33_333] {
+        let (painter, mut monitor) = finger(Skin::Smooth);
+        let mut touches = |i: u64| {
+            let rgb = painter.paint(&painter.rest, (6..20).contains(&i).then_some(&touch(55.0)), i);
+            monitor.step(&Frame { time_ns: Some(i * frame_ns), ..frame(&rgb, SIZE, i) }, None).contact.area_px2 > 0.0
+        };
+        let row: String = (0..30).map(|i| if touches(i) { '#' } else { '.' }).collect();
+        assert_eq!(row, ".........###########..........", "{frame_ns} a frame");
     }
 }
 

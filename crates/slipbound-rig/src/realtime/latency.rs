@@ -2,8 +2,8 @@
 //! and while a disk, a terminal or a camera blocks.
 //!
 //! ```text
-//!   tick --> FrameLoop, a thread a camera: decodes --Newest--> ControlLoop (a lift whose force changes) --> gripper
-//!                                                                  '--> Stopwatch, and observers that block
+//!   expose, a thread --> FrameLoop, a thread a camera: decodes --Newest--> ControlLoop (a lift whose force changes) --> gripper
+//!   at the rate, whatever the loop does                                        '--> Stopwatch, and observers that block
 //! ```
 
 use super::frames_due::FramesDue;
@@ -18,14 +18,13 @@ use slipbound::finger_pipeline::FingerPipeline;
 use slipbound::grip::Guard;
 use slipbound::hand::Mounting;
 use slipbound::monitor::Settings;
-use slipbound::port::{FrameBuffer, FrameSource, GripCommand, Gripper, Next, SourceError, SourceErrorKind};
+use slipbound::port::{Clock, FrameBuffer, FrameSource, GripCommand, Gripper, Next, SourceError, SourceErrorKind};
 use slipbound::sensor::Sensor;
 use slipbound::setting::SettingError;
 use slipbound::task::{Observation, Phase, Task, TaskKind, TaskSettings, TaskStep};
-use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
 use std::thread;
 use std::time::Duration;
 
@@ -105,6 +104,8 @@ pub struct Latency {
     pub took_ns: Vec<u64>,
     /// Commands that the gripper had confirmed when the next frame was due.
     pub confirmed_count: usize,
+    /// Frames due between the first and the last of these cycles that no cycle was for: newer ones had replaced them.
+    pub missed_count: u64,
 }
 
 /// Why nothing was measured.
@@ -147,18 +148,12 @@ impl LatencyTrial {
     ) -> Result<Latency, LatencyError> {
         let (mut control, cameras) = self.control(hand)?;
         let Cameras { ticks, mut due } = cameras;
-        let (due_ns, stop) = (Cell::new(now_ns()), AtomicBool::new(false));
+        let stop = AtomicBool::new(false);
         let period_ns = 1_000_000_000 / u64::from(self.rate_hz.max(1));
-        let mut next_ns = now_ns();
+        let (running, ends) = channel();
+        let exposure = thread::spawn(move || expose(&ticks, period_ns, &ends));
         let mut is_due = || {
             stop.fetch_or(interrupted.load(Ordering::Relaxed), Ordering::Relaxed);
-            if now_ns() >= next_ns {
-                due_ns.set(now_ns());
-                next_ns = (next_ns + period_ns).max(now_ns());
-                for tick in &ticks {
-                    let _ = tick.try_send(()); // a camera that has not taken the last one is blocked: it drops this frame
-                }
-            }
             due.is_due(now_ns())
         };
         let queues_count = match self.blocks {
@@ -168,7 +163,10 @@ impl LatencyTrial {
         };
         let queue = |i: usize| QueuedObserver::new(BlockedObserver, QUEUE_DEPTH_COUNT, i == 0);
         let stopwatch = Stopwatch {
-            due_ns: &due_ns,
+            fingers_count: hand.fingers.len() - usize::from(self.blocks == Blocks::Camera && hand.fingers.len() > 1),
+            period_ns,
+            due_ns: None,
+            missed_count: 0,
             stop: &stop,
             wanted_count: self.cycles_count,
             took_ns: Vec::with_capacity(self.cycles_count),
@@ -178,11 +176,13 @@ impl LatencyTrial {
         };
         let mut observer = (AllOf((0..queues_count).map(queue).collect()), stopwatch);
         let ran = runner::run(&mut control, gripper, &mut Dry::default(), &stop, &mut is_due, &mut observer);
-        let (_, Stopwatch { mut took_ns, confirmed_count, .. }) = observer;
+        drop(running);
+        let _ = exposure.join();
+        let (_, Stopwatch { mut took_ns, confirmed_count, missed_count, .. }) = observer;
         match ran {
             Ok(()) | Err(ControlError::Interrupted) if took_ns.len() >= self.cycles_count.max(1) => {
                 took_ns.sort_unstable();
-                Ok(Latency { took_ns, confirmed_count })
+                Ok(Latency { took_ns, confirmed_count, missed_count })
             }
             Err(ControlError::Interrupted) if interrupted.load(Ordering::Relaxed) => Err(LatencyError::Interrupted),
             Ok(()) | Err(ControlError::Interrupted) => Err(LatencyError::NothingHeld),
@@ -223,15 +223,27 @@ impl LatencyTrial {
     }
 }
 
-/// The triggers of the cameras, and the arrivals of their frames.
+/// Makes every camera expose once per period, at the times at which a frame is due, until `ends` is closed.
+fn expose(ticks: &[SyncSender<u64>], period_ns: u64, ends: &Receiver<()>) {
+    let mut due_ns = now_ns();
+    while ends.recv_timeout(Duration::from_nanos(due_ns.saturating_sub(now_ns()))) == Err(RecvTimeoutError::Timeout) {
+        due_ns += now_ns().saturating_sub(due_ns) / period_ns * period_ns; // this thread was late for those before
+        for tick in ticks {
+            let _ = tick.try_send(due_ns); // a camera that has not taken the last one is blocked: it drops this frame
+        }
+        due_ns += period_ns;
+    }
+}
+
+/// The triggers of the cameras, which say when a frame was due, ns, and the arrivals of their frames.
 struct Cameras {
-    ticks: Vec<SyncSender<()>>,
+    ticks: Vec<SyncSender<u64>>,
     due: FramesDue,
 }
 
 /// The frames of a finger over and over, as JPEG or as pixels, one at every tick.
 struct FrameLoop {
-    exposes: Receiver<()>,
+    exposes: Receiver<u64>,
     frames: Arc<Vec<FrameBuffer>>,
     next: usize,
     /// The frames repeat from here; those before are of the open hand.
@@ -244,9 +256,7 @@ struct FrameLoop {
 
 impl FrameSource for FrameLoop {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
-        if self.exposes.recv().is_err() {
-            return Ok(Next::End); // the trial is over
-        }
+        let Ok(due_ns) = self.exposes.recv() else { return Ok(Next::End) }; // the trial is over
         if self.blocks_from.is_some_and(|from| self.given_count >= from) {
             thread::sleep(BLOCKED);
         }
@@ -260,6 +270,7 @@ impl FrameSource for FrameLoop {
             into.pixels.clone_from(&frame.pixels);
         }
         into.seq = self.given_count as u64; // buffers are recycled in any order
+        (into.time_ns, into.clock) = (Some(due_ns), Clock::Host);
         self.next = if self.next + 1 < self.frames.len() { self.next + 1 } else { self.repeat_from };
         Ok(Next::Frame)
     }
@@ -308,9 +319,14 @@ impl CycleObserver for AllOf {
     }
 }
 
-/// Measures each cycle with a command after the grasp, from when it was due; then ends the loop.
+/// Measures each cycle with a frame and a command after the grasp, from when the frame was due; then ends the loop.
 struct Stopwatch<'a> {
-    due_ns: &'a Cell<u64>,
+    /// Fingers whose cameras do not block.
+    fingers_count: usize,
+    period_ns: u64,
+    /// When the last frame was due, ns, and how many of those measured were missed before it.
+    due_ns: Option<u64>,
+    missed_count: u64,
     stop: &'a AtomicBool,
     wanted_count: usize,
     took_ns: Vec<u64>,
@@ -321,16 +337,23 @@ struct Stopwatch<'a> {
 
 impl CycleObserver for Stopwatch<'_> {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
-        let took_ns = now_ns() - self.due_ns.get();
+        let now_ns = now_ns();
+        let new = view.fingers[..self.fingers_count].iter().filter(|finger| *finger.next == Next::Frame);
+        let new_ns = new.filter_map(|finger| finger.frame.time_ns).max();
+        if let Some((last_ns, due_ns)) = self.due_ns.zip(new_ns).filter(|_| !self.took_ns.is_empty()) {
+            self.missed_count += (due_ns.saturating_sub(last_ns) / self.period_ns).saturating_sub(1);
+        }
+        self.due_ns = new_ns.or(self.due_ns);
         let Some(cycle) = view.cycle().filter(|cycle| cycle.phase != Phase::Grasping) else {
             self.waited_count += 1;
             self.stop.fetch_or(self.waited_count > LONGEST_GRASP_COUNT, Ordering::Relaxed);
             return;
         };
+        let Some(due_ns) = new_ns else { return };
         let is_confirmed = cycle.gripper.target_n.zip(self.asked_n).is_some_and(|(a, b)| (a - b).abs() < SAME_N);
         self.confirmed_count += usize::from(is_confirmed);
         self.asked_n = cycle.grip_command.force_n();
-        self.took_ns.push(took_ns);
+        self.took_ns.push(now_ns - due_ns);
         self.stop.fetch_or(self.took_ns.len() >= self.wanted_count, Ordering::Relaxed);
     }
 }
@@ -341,9 +364,27 @@ mod tests {
 
     #[test]
     fn quantiles_are_measured_times() {
-        let latency = Latency { took_ns: (1..=101).map(|ms| ms * 1_000_000).collect(), confirmed_count: 50 };
+        let latency =
+            Latency { took_ns: (1..=101).map(|ms| ms * 1_000_000).collect(), confirmed_count: 50, missed_count: 0 };
         assert_eq!([0.5, 0.99, 1.0].map(|fraction| latency.quantile_ms(fraction)), [51.0, 100.0, 101.0]);
         assert!((latency.confirmed_fraction() - 50.0 / 101.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn frames_are_due_at_the_rate_though_a_camera_or_the_loop_is_late() {
+        let (tick, exposes) = sync_channel(1);
+        let (running, ends) = channel();
+        let period_ns = 2_000_000;
+        let exposure = thread::spawn(move || expose(&[tick], period_ns, &ends));
+        let due_ns = || exposes.recv().expect("it goes on");
+        let first_ns = due_ns();
+        thread::sleep(Duration::from_millis(50));
+        let waited_ns = due_ns();
+        let times_ns = [waited_ns, due_ns()].map(|due_ns| due_ns - first_ns);
+        assert!(times_ns.iter().all(|ns| ns.is_multiple_of(period_ns)), "due at their times: {times_ns:?}");
+        assert!(times_ns[1] >= 48_000_000, "those after the frame that waited were dropped: {times_ns:?}");
+        drop(running);
+        exposure.join().expect("it ends");
     }
 
     #[test]
@@ -353,7 +394,7 @@ mod tests {
         let (tick, exposes) = sync_channel(7);
         let (repeat_from, is_jpeg, blocks_from) = (2, false, None);
         let mut source = FrameLoop { exposes, frames, next: 0, repeat_from, is_jpeg, blocks_from, given_count: 0 };
-        (0..7).for_each(|_| tick.send(()).expect("there is room"));
+        (0..7).for_each(|i| tick.send(100 * i).expect("there is room"));
         let mut buffer = FrameBuffer::default();
         let given: Vec<u8> = (0..7)
             .map(|_| {
@@ -362,6 +403,6 @@ mod tests {
             })
             .collect();
         assert_eq!(given, [0, 1, 2, 3, 2, 3, 2]);
-        assert_eq!(buffer.seq, 7);
+        assert_eq!((buffer.seq, buffer.time_ns), (7, Some(600)));
     }
 }

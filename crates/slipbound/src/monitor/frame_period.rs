@@ -6,11 +6,15 @@ pub(super) const FRAME_S: f64 = 1.0 / 30.0;
 /// Shorter periods are no camera's, ns: the times were given in another unit.
 const LEAST_PERIOD_NS: u64 = 100_000;
 
-/// Seconds from a frame to the next from their times, ns; those of a camera at 30 Hz where a time is missing, repeated,
-/// set back or in another unit.
-pub(super) fn frame_period_s(last_ns: Option<u64>, time_ns: Option<u64>) -> f64 {
+/// Time from a frame to the next, ns; None where a time is missing, repeated, set back or in another unit.
+pub(super) fn frame_period_ns(last_ns: Option<u64>, time_ns: Option<u64>) -> Option<u64> {
     let passed_ns = last_ns.zip(time_ns).and_then(|(last_ns, now_ns)| now_ns.checked_sub(last_ns));
-    passed_ns.filter(|ns| *ns >= LEAST_PERIOD_NS).map_or(FRAME_S, |ns| ns as f64 * 1e-9)
+    passed_ns.filter(|ns| *ns >= LEAST_PERIOD_NS)
+}
+
+/// The same in seconds; that of a camera at 30 Hz where it is not known.
+pub(super) fn frame_period_s(last_ns: Option<u64>, time_ns: Option<u64>) -> f64 {
+    frame_period_ns(last_ns, time_ns).map_or(FRAME_S, |ns| ns as f64 * 1e-9)
 }
 
 #[cfg(test)]

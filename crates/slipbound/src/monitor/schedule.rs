@@ -12,6 +12,8 @@
 //! were found are tracked in between. A region changes little in that time, and evidence is about motion over 33 to 200
 //! ms.
 
+use super::frame_period::frame_period_ns;
+
 /// Which steps a frame gets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Due {
@@ -32,7 +34,7 @@ impl Turn {
         Turn { period_ns: (1e6 * period_ms).round() as u64, done_ns: None }
     }
 
-    /// Whether `periods` periods have passed since it was done; true without times, and after a clock was set back.
+    /// Whether `periods` periods have passed since it was done; true without times.
     fn is_over(&self, time_ns: Option<u64>, periods: u64) -> bool {
         let Some((since_ns, now_ns)) = self.done_ns.zip(time_ns) else { return true };
         now_ns.checked_sub(since_ns).is_none_or(|ns| ns >= periods * self.period_ns)
@@ -70,13 +72,13 @@ impl StepSchedule {
     }
 
     // Deviation: D21 turns
-    /// The steps due in a frame: all in a frame without a time, in one with the same time as the frame before, and
-    /// without contact. `complete`: whether every marker in view was found in the last frame, so that none must be
-    /// searched for.
+    /// The steps due in a frame: all in a frame without a time, in one whose time repeats that of the frame before, is
+    /// set back or in another unit, and without contact. `complete`: whether every marker in view was found in the last
+    /// frame, so that none must be searched for.
     pub(super) fn see(&mut self, time_ns: Option<u64>, touches: bool, complete: bool) -> Due {
         let last_ns = std::mem::replace(&mut self.frame_ns, time_ns);
-        let time_ns = time_ns.filter(|_| last_ns != time_ns);
-        let frame_ns = last_ns.zip(time_ns).and_then(|(last_ns, now_ns)| now_ns.checked_sub(last_ns));
+        let frame_ns = frame_period_ns(last_ns, time_ns);
+        let time_ns = time_ns.filter(|_| last_ns.is_none() || frame_ns.is_some());
         // Whether `frames` more frames come within its period.
         let has_room = |turn: &Turn, frames: u64| frame_ns.is_some_and(|ns| frames * ns < turn.period_ns);
         let contact = self.contact.take(time_ns, 1, touches, false);
@@ -161,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_is_due_without_times_that_go_on_without_contact_and_after_a_clock_is_set_back() {
+    fn everything_is_due_without_times_that_go_on_in_ns_and_without_contact() {
         let all = Due { contact: true, search: true, evidence: true };
         let mut schedule = StepSchedule::new(25.0, 25.0, 25.0);
         assert!((0..5).all(|_| schedule.see(None, true, true) == all));
@@ -169,5 +171,13 @@ mod tests {
         assert_ne!(schedule.see(Some(6_000_000), true, true), all);
         assert_eq!(schedule.see(Some(1_000_000), true, true), all);
         assert!((0..5).all(|_| schedule.see(Some(1_000_000), true, true) == all), "a time that stands still is none");
+        for unit in [1, 1_000] {
+            // Frames at 30 Hz, in milliseconds and in microseconds.
+            let mut schedule = StepSchedule::new(25.0, 25.0, 25.0);
+            assert!((0..9).all(|i| schedule.see(Some(33 * unit * i), true, true) == all), "{unit}");
+        }
+        let mut schedule = StepSchedule::new(25.0, 25.0, 25.0);
+        let back = (0..9u64).filter(|i| schedule.see(Some(10_000_000 * (i % 2)), true, true) == all);
+        assert!(back.count() >= 5, "set back by every other frame");
     }
 }
