@@ -41,6 +41,29 @@ fn a_simulated_folder_is_watched_with_its_own_finger_and_makes_a_table() {
 }
 
 #[test]
+fn a_scene_is_recorded_with_its_finger_and_held_as_a_recording_is() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = "sim:press?rest_frames=3&press_s=0.1&settle_s=0.1&hold_s=0.1&grid=fast&rate_hz=60";
+    let done = slipbound_in(folder.path(), &["record", source, "-o", "press.mcap"]);
+    assert!(done.status.success(), "{}", printed(&done));
+    let done = slipbound_in(folder.path(), &["watch", "press.mcap", "--csv", "recorded.csv"]);
+    assert!(done.status.success() && printed(&done).contains("took finger.sensor.toml"), "{}", printed(&done));
+    let done = slipbound_in(folder.path(), &["watch", source, "--csv", "scene.csv"]);
+    assert!(done.status.success(), "{}", printed(&done));
+    let table = |name| fs::read_to_string(folder.path().join(name)).expect("a table");
+    assert_eq!(table("recorded.csv"), table("scene.csv"));
+    let done = slipbound_in(folder.path(), &["record", "sim:pres", "-o", "none.mcap"]);
+    assert!(done.status.code() == Some(2) && printed(&done).contains("did you mean press?"), "{}", printed(&done));
+
+    let clip = clip();
+    let sensor = clip.path().join("clip/sensor.toml").display().to_string();
+    let source = "sim:press?hold_s=1&grid=fast";
+    let args = ["hold", source, "--sensor", &sensor, "--gripper", "dry", "-o", "held"];
+    let done = slipbound_in(folder.path(), &args);
+    assert!(done.status.success() && printed(&done).contains("report: held/report.html"), "{}", printed(&done));
+}
+
+#[test]
 fn a_shorter_overlay_leaves_no_picture_of_a_longer_one_and_nobody_elses_is_touched() {
     let folder = clip();
     let overlay = folder.path().join("pictures");

@@ -1,7 +1,7 @@
 //! `slipbound record`: writes frames of cameras into an MCAP file, as they come.
 
 use super::inputs;
-use super::recording::{refuse_images_of_one_folder, refused};
+use super::recording::{open_recording, refuse_images_of_one_folder, refused, simulated_sensor};
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
@@ -27,7 +27,7 @@ const MOST_S: f64 = 1e9;
 /// The arguments of `slipbound record`.
 #[derive(Debug, clap::Args)]
 pub struct Record {
-    /// Cameras (docs/cameras.md), or recordings to be put into one file
+    /// Cameras (docs/cameras.md), or recordings or scenes ('sim:SCENE') to be put into one file
     #[arg(required = true, value_name = "SOURCE")]
     sources: Vec<String>,
     /// The file, which is replaced
@@ -70,7 +70,8 @@ impl Record {
         let recorder = Recorder::create(&self.output, &names, false)?;
         let mut terminal = Terminal::with_status();
         for (name, uri) in names.iter().zip(&self.sources) {
-            let Some(sensor) = given.clone().or_else(|| brought_along(uri, &terminal)) else { continue };
+            let brought = if given.is_some() { None } else { brought_along(uri, &terminal)? };
+            let Some(sensor) = given.clone().or(brought) else { continue };
             let text = toml::to_string(&sensor).map_err(|e| Failure::work("sensor", e))?;
             recorder.attach(&format!("{name}.sensor.toml"), "text/toml", text.into_bytes());
         }
@@ -197,7 +198,7 @@ fn open(
     for_seconds: bool,
 ) -> Result<Opened, Failure> {
     if !source::is_live(uri) {
-        let mut recording = source::open(uri).map_err(refused)?;
+        let mut recording = open_recording(uri)?;
         if for_seconds {
             recording = Box::new(Timed { recording, uri: uri.into() });
         }
@@ -210,15 +211,18 @@ fn open(
     Ok(Opened::Camera((spawn(TappedSource::new(source, number, recorder.inlet(), false), stop, None), Some(tally))))
 }
 
-/// The finger that a recording brings along. One that cannot be read costs no recording.
-fn brought_along(uri: &str, terminal: &Terminal) -> Option<Sensor> {
+/// The finger that a recording brings along, or that of a scene. One that cannot be read costs no recording.
+fn brought_along(uri: &str, terminal: &Terminal) -> Result<Option<Sensor>, Failure> {
     if source::is_live(uri) {
-        return None;
+        return Ok(None);
+    }
+    if let Some(sensor) = simulated_sensor(uri)? {
+        return Ok(Some(sensor));
     }
     let found = sensors::of_recording(uri);
     let found =
         found.inspect_err(|error| terminal.note(&format!("recorded without the sensor file of {uri}: {error}")));
-    found.ok().flatten().map(|(sensor, _)| sensor)
+    Ok(found.ok().flatten().map(|(sensor, _)| sensor))
 }
 
 fn spawn(

@@ -1,4 +1,4 @@
-//! SOURCE of `watch` and `calibrate`: a recording, a camera, or `sim:SCENE?key=value&key=value` for a simulated one.
+//! SOURCE of a command: a recording, a camera, or `sim:SCENE?key=value&key=value` for a simulated one.
 
 use crate::outcome::Failure;
 use anyhow::anyhow;
@@ -44,10 +44,7 @@ pub fn open_watched(source: &str, recorder: Option<&Recorder>) -> Result<(ReadAh
         let (newest, live) = open_live(source, inlet.as_ref(), 0, false)?;
         return Ok((ReadAhead::live(Box::new(Awaited(newest)), source, now_ns), Some(live)));
     }
-    let recording = match scene(source) {
-        Some(scene) => simulate(scene)?,
-        None => source::open(source).map_err(refused)?,
-    };
+    let recording = open_recording(source)?;
     Ok((
         ReadAhead::new(match inlet {
             Some(inlet) => Box::new(TappedSource::new(recording, 0, inlet, true)),
@@ -55,6 +52,14 @@ pub fn open_watched(source: &str, recorder: Option<&Recorder>) -> Result<(ReadAh
         }),
         None,
     ))
+}
+
+/// A recording, or a simulation of one.
+pub fn open_recording(source: &str) -> Result<Box<dyn FrameSource + Send>, Failure> {
+    match scene(source) {
+        Some(scene) => simulate(scene),
+        None => source::open(source).map_err(refused),
+    }
 }
 
 /// A source that marks its frames in the recording, if there is one, when they are taken to be judged. `waits`: whether

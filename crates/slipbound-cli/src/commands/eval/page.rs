@@ -226,7 +226,7 @@ fn cumulative(
     })
 }
 
-/// A table; a sentence instead of its column of coverages where all of them are 100 %.
+/// A table; a sentence instead of its column of coverages where all of them are 100 %. A rival has none.
 pub fn table_parts(table: &Table) -> Vec<Part> {
     let (mut columns, mut rows) = (table.columns.clone(), table.shown());
     let is_whole = |row: &Vec<String>, place: usize| row[place].starts_with("100.0 ") || row[place] == "-";
@@ -235,8 +235,10 @@ pub fn table_parts(table: &Table) -> Vec<Part> {
         return vec![Part::Table(columns, rows)];
     };
     columns.remove(place);
-    rows.iter_mut().for_each(|row| drop(row.remove(place)));
-    vec![Part::Table(columns, rows), Part::Text("Coverage: 100 % in every row.".into())]
+    let coverages: Vec<String> = rows.iter_mut().map(|row| row.remove(place)).collect();
+    let rows_said =
+        if coverages.iter().any(|one| one == "-") { "where there is one; rivals have none" } else { "in every row" };
+    vec![Part::Table(columns, rows), Part::Text(format!("Coverage: 100 % {rows_said}."))]
 }
 
 #[cfg(test)]
@@ -381,15 +383,16 @@ mod tests {
     #[test]
     fn coverage_is_left_out_where_it_is_whole_everywhere() {
         let share = |count| Cell::Share(slipbound_lab::eval::share(count, 10));
-        let columns = |last: u64| {
+        let parts = |coverages: [Cell; 2]| {
             let mut table = Table::new("", "", &["detector", "coverage %", "AUC"]);
-            table.rows.push(vec!["ours".into(), share(10), Cell::Count(1)]);
-            table.rows.push(vec!["paper".into(), share(last), Cell::Count(1)]);
-            let parts = table_parts(&table);
-            let Part::Table(columns, rows) = &parts[0] else { panic!("a table") };
-            assert!(rows.iter().all(|row| row.len() == columns.len()));
-            (columns.len(), parts.len())
+            table.rows.extend(coverages.map(|coverage| vec!["one".into(), coverage, Cell::Count(1)]));
+            table_parts(&table)
         };
-        assert_eq!((columns(10), columns(9)), ((2, 2), (3, 1)));
+        assert!(matches!(&parts([share(10), share(9)])[..], [Part::Table(columns, _)] if columns.len() == 3));
+        for (paper, told) in [(share(10), "100 % in every row."), (Cell::None, "where there is one; rivals have none.")]
+        {
+            let [Part::Table(columns, _), Part::Text(said)] = &parts([share(10), paper])[..] else { panic!("{told}") };
+            assert!(columns.len() == 2 && said.ends_with(told), "{said}");
+        }
     }
 }

@@ -9,7 +9,7 @@ use super::ending::{Ended, note_frames};
 use super::pace::Pace;
 use crate::commands::hand_rest::{self, HandRest};
 use crate::commands::inputs;
-use crate::commands::recording::{LiveCamera, marked, open_live};
+use crate::commands::recording::{LiveCamera, marked, open_live, open_recording};
 use crate::commands::run_recording;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
@@ -50,7 +50,7 @@ pub struct Work<'a> {
 /// The arguments of both commands.
 #[derive(Debug, clap::Args)]
 pub struct Hardware {
-    /// A camera (docs/cameras.md) or a recording for every finger, the left one first. It must begin with the hand open
+    /// A camera (docs/cameras.md), a recording or a scene ('sim:SCENE') for every finger, the left one first. It must begin with the hand open
     #[arg(required = true, num_args = 1..=2, value_name = "SOURCE")]
     sources: Vec<String>,
     /// The gripper: wsg50://HOST:1000, gcl://, robotiq://, line:// or dry, as in `slipbound gripper`
@@ -278,7 +278,7 @@ impl Hardware {
                     newest
                 }
                 false => {
-                    let mut source = source::open(uri).map_err(Failure::arguments)?;
+                    let mut source = open_recording(uri)?;
                     if let Some(inlet) = inlet {
                         source = Box::new(TappedSource::new(source, number, inlet.clone(), true));
                     }
