@@ -40,6 +40,30 @@ fn a_recording_has_the_name_of_one() {
     assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 2, "nothing was written");
 }
 
+/// Whatever the format; an ending that stands for none is a name like any other.
+#[test]
+fn an_output_whose_name_promises_another_format_is_refused() {
+    let folder = clip();
+    for (line, said) in [
+        ("watch clip --json p.html", "--json p.html: expected a file of JSON lines"),
+        ("watch clip --json x.CSV", "--json x.CSV: expected a file of JSON lines (--csv FILE.csv writes a table)"),
+        (
+            "watch clip --csv t.tsv",
+            "--csv t.tsv: expected a file of comma-separated values, got a name that ends in .tsv",
+        ),
+        ("watch clip --slips s.csv", "--slips s.csv: expected a file of JSON lines"),
+        ("watch clip --report page.txt", "--report page.txt: expected a page, FILE.html"),
+        ("watch clip --timings p.png", "--timings p.png: expected a file of JSON lines"),
+        ("watch clip --overlay p.mcap", "--overlay p.mcap: expected a folder for pictures, or FILE.avi for a video"),
+    ] {
+        let done = typed(folder.path(), line);
+        assert!(done.status.code() == Some(2) && printed(&done).contains(said), "{line}: {}", printed(&done));
+    }
+    assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 2, "nothing was written");
+    let done = typed(folder.path(), "watch clip --json a.txt --csv b --slips c.2026 --report d.htm --timings e.ndjson");
+    assert!(done.status.success(), "{}", printed(&done));
+}
+
 #[test]
 fn what_cannot_be_written_is_a_failure_told_by_its_path() {
     let folder = clip();

@@ -11,27 +11,25 @@ use std::path::{Path, PathBuf};
 
 /// Refuses names whose ending stands for another format than the one written.
 pub fn refuse_endings(args: &Watch) -> Result<(), Failure> {
-    const PICTURES: [&str; 9] = ["mp4", "mkv", "mov", "webm", "m4v", "gif", "png", "jpg", "jpeg"];
-    const TABLES: [&str; 6] = ["csv", "tsv", "xlsx", "parquet", "feather", "pkl"];
-    for (name, path, refused, expected) in [
-        ("--overlay", &args.overlay, &PICTURES[..], "a folder for pictures, or FILE.avi for a video"),
-        ("--json", &args.json, &TABLES[..], "a file of JSON lines (--csv FILE.csv writes a table)"),
-        (
-            "--csv",
-            &args.csv,
-            &["json", "jsonl", "xlsx", "parquet", "feather", "pkl"],
-            "a file of comma-separated values",
-        ),
-        ("--slips", &args.slips, &["csv", "html", "xlsx", "parquet", "pkl"], "a file of JSON lines"),
-        ("--report", &args.report, &["pdf", "md", "json", "jsonl", "csv", "png"], "a page, FILE.html"),
-        ("--timings", &args.timings, &TABLES[..], "a file of JSON lines"),
+    const FORMATS: [&str; 28] = [
+        "json", "jsonl", "ndjson", "csv", "tsv", "xlsx", "parquet", "feather", "pkl", "html", "htm", "pdf", "md",
+        "txt", "png", "jpg", "jpeg", "gif", "webp", "svg", "bmp", "avi", "mp4", "mkv", "mov", "webm", "m4v", "mcap",
+    ];
+    const LINES: [&str; 4] = ["json", "jsonl", "ndjson", "txt"];
+    for (name, path, own, expected) in [
+        ("--overlay", &args.overlay, &["avi"][..], "a folder for pictures, or FILE.avi for a video"),
+        ("--json", &args.json, &LINES, "a file of JSON lines (--csv FILE.csv writes a table)"),
+        ("--csv", &args.csv, &["csv", "txt"], "a file of comma-separated values"),
+        ("--slips", &args.slips, &LINES, "a file of JSON lines"),
+        ("--report", &args.report, &["html", "htm"], "a page, FILE.html"),
+        ("--timings", &args.timings, &LINES, "a file of JSON lines"),
     ] {
         let Some(path) = path else { continue };
         if name != "--json" {
             inputs::refuse_stdout(name, path, "the name of a file")?;
         }
         let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        if refused.contains(&ending.as_str()) {
+        if FORMATS.contains(&ending.as_str()) && !own.contains(&ending.as_str()) {
             let path = path.display();
             return Err(Failure::Arguments(anyhow!(
                 "{name} {path}: expected {expected}, got a name that ends in .{ending}"
