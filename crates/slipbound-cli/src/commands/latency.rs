@@ -113,8 +113,10 @@ impl Latency {
             let confirmed = 100.0 * latency.confirmed_fraction();
             terminal.say(&format!("| {from} | command bytes in the socket | {times} | {confirmed:.0} % |"))?;
             if latency.missed_count > 0 {
-                let missed = format!("{from}: {} frames were replaced by newer ones before", latency.missed_count);
-                terminal.note(&format!("{missed} a command followed: it does not keep up with {rate_hz} Hz"));
+                let missed = latency.missed_count;
+                terminal.note(&format!(
+                    "{from}: {missed} frames were replaced by newer ones, at {rate_hz} Hz, before a command followed"
+                ));
             }
             // The next measurement then begins with a grasp like the first.
             device.request(Request::Grip(GripCommand::Release)).map_err(|e| Failure::Work(e.into()))?;

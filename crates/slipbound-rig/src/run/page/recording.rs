@@ -232,7 +232,9 @@ impl RecordingPage {
                     vec![
                         line("stick ratio", "--c4", Dashed, &|r| value(r.estimates.stick_ratio)),
                         line("margin", "--c1", Solid, &|r| value(r.estimates.margin)),
-                        line("alarm", "--c2", Dashed, &|r| value(r.estimates.margin).and(self.alarm_margin)),
+                        line("alarm (without grip force: of the mean over 80 ms)", "--c2", Dashed, &|r| {
+                            value(r.estimates.margin).and(self.alarm_margin)
+                        }),
                     ],
                 )
             },
