@@ -7,6 +7,7 @@ use ros2_client::{
     Context, ContextOptions, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, QosProfile,
     Server, ServiceTypeName, Subscription,
 };
+use rustdds::RTPSEntity as _;
 use rustdds::mio1::{Events, Interest, Poll, Token};
 use serde::Deserialize;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -158,6 +159,16 @@ impl Ros {
         self.node
             .create_server(self.services.into(), &name, &kind, RELIABLE, RELIABLE)
             .map_err(|e| Error::middleware(format!("service {service}"), e))
+    }
+
+    /// Whether a publisher of another participant is known on a topic; this node's own do not count.
+    pub fn is_published_by_others(&self, topic: &str) -> bool {
+        let participant = self.context.domain_participant();
+        let name = format!("rt{}", full_topic(&self.namespace, topic));
+        participant.discovered_writers().iter().any(|writer| {
+            let is_own = writer.writer_proxy.remote_writer_guid.prefix == participant.guid().prefix;
+            !is_own && writer.publication_topic_data.topic_name == name
+        })
     }
 
     /// The node itself, for functions not wrapped here.

@@ -17,7 +17,7 @@ use crate::image_topic::{ImageSource, ImageTopic};
 use crate::lifecycle::State;
 use crate::msg::{DiagnosticArray, GripCommand, HandReport, Header, Time, TopicType, WristCommand};
 use crate::overlay::OverlayThread;
-use crate::ros::{RELIABLE, Ros, SENSOR_DATA, full_topic, stamp, unix_ns};
+use crate::ros::{RELIABLE, Ros, SENSOR_DATA, stamp, unix_ns};
 use crate::wrist::TopicWrist;
 use ros2_client::Publisher;
 use slipbound::control::{CycleObserver, CycleView};
@@ -151,7 +151,7 @@ impl RosHand {
         let (begun, mut told) = (Instant::now(), false);
         loop {
             self.others.iter_mut().try_for_each(Others::check)?;
-            let known = self.others.iter().find(|others| others.are_known(&mut self.ros));
+            let known = self.others.iter().find(|others| others.are_known(&self.ros));
             if begun.elapsed() >= if known.is_some() { LISTENING_TO_KNOWN } else { LISTENING } {
                 break;
             }
@@ -215,10 +215,9 @@ impl Others {
         Ok(Others { topic, device, has_heard: Box::new(move || inbox.newest().is_some()) })
     }
 
-    /// Whether a publisher besides this node's own was discovered.
-    fn are_known(&self, ros: &mut Ros) -> bool {
-        let topic = full_topic(ros.full_name(), &self.topic);
-        ros.node().publisher_count(&topic) > 1
+    /// Whether a publisher of another participant was discovered.
+    fn are_known(&self, ros: &Ros) -> bool {
+        ros.is_published_by_others(&self.topic)
     }
 
     fn check(&mut self) -> Result<(), String> {

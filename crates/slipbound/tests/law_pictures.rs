@@ -3,7 +3,7 @@
 mod synthetic;
 
 use slipbound::grip::{ArmMotion, GripController, GripDecision, GripLimits, Law, MarginSettings, OnSlipSettings};
-use slipbound::hand::HandReport;
+use slipbound::hand::{HandReport, Health};
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripperState, Jaws};
 use synthetic::{FRAME_NS, gripper, hand};
@@ -83,8 +83,8 @@ fn a_gripper_that_never_presses_as_told_stops_the_arm_for_a_second_and_not_for_e
     assert_eq!(waits(&told), format!("{}{}", "#".repeat(31), ".".repeat(9)), "30 frames are a hair less than 1 s");
 }
 
-/// A contact that used 0.4 of the friction when last judged becomes unsure: 10 N/s, from 10 N to at most 15 N, until
-/// contact is lost or the next slip.
+/// A contact that used 0.4 of the friction when last judged becomes unsure: 10 N/s, from 10 N to at most 15 N, until the
+/// next slip.
 #[test]
 fn what_was_loaded_and_cannot_be_judged_is_gripped_harder_within_bounds() {
     let settings = OnSlipSettings::default();
@@ -113,18 +113,46 @@ fn what_was_loaded_and_cannot_be_judged_is_gripped_harder_within_bounds() {
     assert!(kept(never, Some(0.6), None) && kept(settings.with_step_n(-5.0), Some(0.6), None));
 }
 
-#[test]
-fn a_load_of_an_earlier_contact_counts_no_longer() {
-    for law in [Law::OnSlip(OnSlipSettings::default()), margin_law()] {
-        let mut hands = hands("...?.????");
-        for hand in &mut hands {
-            hand.margin = (hand.state == SlipState::Stick).then_some(0.6);
+/// `_`: no contact, and in it the left finger live or not.
+fn forces_without_margin_while_unsure(law: Law, row: &str, left: Health) -> Vec<f64> {
+    let mut hands = hands(row);
+    for (hand, sign) in hands.iter_mut().zip(row.chars()) {
+        hand.margin = (sign == '.').then_some(0.6);
+        if sign == '_' {
+            hand.state = SlipState::NoContact;
+            hand.health[0] = left;
         }
-        hands[4] = HandReport { margin: None, ..hand(SlipState::NoContact) };
-        let (told, ..) = told_by(law, GripLimits::default(), &hands, None);
-        assert!((told[3].force_n - told[2].force_n - 0.33).abs() < 0.02, "{law:?} {told:?}");
-        assert_eq!(told[8].force_n, told[3].force_n, "{law:?} {told:?}");
     }
+    told_by(law, GripLimits::default(), &hands, None).0.iter().map(|told| told.force_n).collect()
+}
+
+#[test]
+fn a_load_of_an_earlier_contact_counts_no_longer_unless_a_finger_that_feels_it_is_missed() {
+    for law in [Law::OnSlip(OnSlipSettings::default()), margin_law()] {
+        let lost = forces_without_margin_while_unsure(law, "...?_????", Health::Live);
+        assert!((lost[3] - lost[2] - 0.33).abs() < 0.02, "{law:?} {lost:?}");
+        assert_eq!(lost[8], lost[3], "{law:?} {lost:?}");
+        let missed = forces_without_margin_while_unsure(law, "...?_????", Health::Blind);
+        assert!((missed[8] - lost[8] - 1.33).abs() < 0.02, "{law:?} {missed:?}");
+    }
+}
+
+/// The force of this law never falls: a bound that began anew with every contact would be none.
+#[test]
+fn contacts_that_come_and_go_raise_the_grip_no_further() {
+    let row = format!("...{}_", "?".repeat(60)).repeat(5);
+    let risen = forces_without_margin_while_unsure(Law::OnSlip(OnSlipSettings::default()), &row, Health::Live);
+    assert!((risen[60] - 15.0).abs() < 1e-9 && risen[60] == risen[row.len() - 1], "{risen:?}");
+}
+
+#[test]
+fn a_poor_margin_of_an_unsure_frame_does_not_replace_the_one_that_was_judged() {
+    let mut hands = hands("...????");
+    for (hand, margin) in hands.iter_mut().zip([Some(0.6), Some(0.6), Some(0.6), Some(0.85), None, None, None]) {
+        hand.margin = margin;
+    }
+    let (told, ..) = told_by(Law::OnSlip(OnSlipSettings::default()), GripLimits::default(), &hands, None);
+    assert!(told[3].force_n == 10.0 && (told[6].force_n - 11.0).abs() < 0.02, "{told:?}");
 }
 
 fn margin_law() -> Law {

@@ -115,7 +115,7 @@ impl Latency {
             if latency.missed_count > 0 {
                 let missed = latency.missed_count;
                 terminal.note(&format!(
-                    "{from}: {missed} frames were replaced by newer ones, at {rate_hz} Hz, before a command followed"
+                    "{from}: {missed} of the frames due at {rate_hz} Hz had no command of their own: newer ones came first"
                 ));
             }
             // The next measurement then begins with a grasp like the first.

@@ -104,7 +104,8 @@ pub struct Latency {
     pub took_ns: Vec<u64>,
     /// Commands that the gripper had confirmed when the next frame was due.
     pub confirmed_count: usize,
-    /// Frames due between the first and the last of these cycles that no cycle was for: newer ones had replaced them.
+    /// Frames due between the first and the last of these cycles that no cycle was for: newer ones had
+    /// replaced them, or a camera was not ready.
     pub missed_count: u64,
 }
 
@@ -343,7 +344,7 @@ impl CycleObserver for Stopwatch<'_> {
         if let Some((last_ns, due_ns)) = self.due_ns.zip(new_ns).filter(|_| !self.took_ns.is_empty()) {
             self.missed_count += (due_ns.saturating_sub(last_ns) / self.period_ns).saturating_sub(1);
         }
-        self.due_ns = new_ns.or(self.due_ns);
+        self.due_ns = self.due_ns.max(new_ns);
         let Some(cycle) = view.cycle().filter(|cycle| cycle.phase != Phase::Grasping) else {
             self.waited_count += 1;
             self.stop.fetch_or(self.waited_count > LONGEST_GRASP_COUNT, Ordering::Relaxed);

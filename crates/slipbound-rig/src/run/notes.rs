@@ -118,18 +118,22 @@ impl RunNotes {
         lines
     }
 
-    /// That the grip rises because a loaded contact can be judged no longer; once until it is judged again.
+    /// That the grip rises while the hand is unsure; once until the next slip or the next contact.
     fn rise_while_unsure(&mut self, view: &CycleView<'_>) -> Option<String> {
         let cycle = view.outcome?.commanded()?;
         let now_n = cycle.grip_command.force_n();
         let from_n = std::mem::replace(&mut self.grip_n, now_n);
-        if cycle.hand.state != SlipState::Unsure {
-            self.is_rise_told = false;
-            return None;
+        match cycle.hand.state {
+            SlipState::Unsure => {}
+            SlipState::NoContact | SlipState::Incipient | SlipState::Gross => {
+                self.is_rise_told = false;
+                return None;
+            }
+            SlipState::Stick | SlipState::Unjudged => return None,
         }
         let from_n = from_n.zip(now_n).filter(|(from_n, now_n)| from_n < now_n && !self.is_rise_told)?.0;
         self.is_rise_told = true;
-        Some(format!("unsure under a load: the grip rises from {from_n:.1} N, within the bounds of its controller"))
+        Some(format!("the hand is unsure: the grip rises from {from_n:.1} N"))
     }
 
     /// How far the stamps of two fingers' frames are apart, when that exceeds the limit or no longer does.

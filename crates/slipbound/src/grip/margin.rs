@@ -279,9 +279,7 @@ impl Margin {
     /// No margin or no force is known. What slides is gripped harder. A contact that was loaded when last judged may be
     /// slipping; without frames or contact nothing is known.
     fn without_margin(&mut self, hand: &HandReport, elapsed_s: f64) -> GripDecision {
-        if hand.state == SlipState::NoContact {
-            self.unsure_rise.contact_lost();
-        }
+        self.unsure_rise.see(hand);
         if hand.state == SlipState::Gross {
             self.force_n = (self.force_n + self.settings.raise_n_per_s * elapsed_s).min(self.limits.most_n);
         } else if hand.state == SlipState::Unsure {

@@ -38,8 +38,8 @@ pub struct OnSlipSettings {
     pub unsure_most_fraction: f64,
 }
 
-/// While the hand is `unsure`, a slip is not reported where the grip force is unknown. A margin below this, the default
-/// `slip.alarm_margin_fraction`, would be one.
+/// While the hand is `unsure`, a slip is not reported where the grip force is unknown. A margin of at most this counts as
+/// one, whatever `slip.alarm_margin_fraction`; a larger one, from images alone, does not count as judged.
 const SLIPPING_MARGIN: f64 = 0.5;
 
 impl Default for OnSlipSettings {
@@ -132,10 +132,10 @@ impl OnSlip {
 impl OnSlip {
     /// What was loaded and is `unsure` may be slipping.
     fn raise_while_unsure(&mut self, hand: &HandReport, elapsed_s: f64) {
-        match hand.margin {
-            _ if hand.state == SlipState::NoContact => self.unsure_rise.contact_lost(),
-            Some(margin) => self.unsure_rise.judged(margin),
-            None => {}
+        self.unsure_rise.see(hand);
+        let judged = hand.margin.filter(|margin| hand.state != SlipState::Unsure || *margin <= SLIPPING_MARGIN);
+        if let Some(margin) = judged {
+            self.unsure_rise.judged(margin);
         }
         let may_slip = hand.margin.is_none_or(|margin| margin <= SLIPPING_MARGIN);
         if hand.state == SlipState::Unsure && may_slip && self.settings.step_n > 0.0 {

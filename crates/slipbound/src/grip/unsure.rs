@@ -9,6 +9,9 @@
 //!                   stick |  unsure
 //! ```
 
+use crate::hand::{HandReport, Health};
+use crate::monitor::SlipState;
+
 /// A contact whose last known margin was smaller than this is loaded.
 const LOADED_MARGIN: f64 = 0.8;
 
@@ -39,9 +42,13 @@ impl UnsureRise {
         self.from_n = None;
     }
 
-    /// The contact was lost: the next one is another.
-    pub fn contact_lost(&mut self) {
-        (self.last_margin, self.from_n) = (None, None);
+    /// Forgets the load of a contact that is lost: the next one is another. A finger that is not live may still feel it.
+    /// The bound stays.
+    pub fn see(&mut self, hand: &HandReport) {
+        let all_live = hand.health.iter().all(|health| matches!(health, Health::Live | Health::Absent));
+        if hand.state == SlipState::NoContact && all_live {
+            self.last_margin = None;
+        }
     }
 
     /// The force after this time in which the hand was `unsure`, N per finger: at most `limit_n`, never lower than

@@ -33,7 +33,8 @@ pub enum ControllerKind {
     /// A force step at each incipient slip; tasks end on evidence.
     #[default]
     OnSlip,
-    /// Exactly as in the paper: the same, but screwing ends at incipient slip at the largest force.
+    /// Exactly as in the paper: the same, but screwing ends at incipient slip at the largest force, and what cannot be
+    /// judged keeps its force.
     Paper,
     /// Holds a slip margin.
     Margin,
