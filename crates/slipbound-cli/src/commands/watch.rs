@@ -105,7 +105,6 @@ impl Watch {
     fn judge_all(&self, batch: Option<&BatchMode>) -> Result<JudgedRecording, Failure> {
         let settings = self.settings()?;
         let sensor = self.sensor.as_deref().map(sensors::load).transpose().map_err(Failure::arguments)?;
-        overwriting::refuse_endings(self)?;
         overwriting::refuse(slice::from_ref(self))?;
         rest::refuse_second_reading(self)?;
         let fingers = [self.finger.clone()];

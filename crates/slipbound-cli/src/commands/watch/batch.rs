@@ -37,7 +37,6 @@ impl Watch {
             self.sources.iter().zip(&names).map(|(source, name)| self.of_clip(source, name)).collect();
         // Checked before the first of them is written to.
         for clip in &clips {
-            super::overwriting::refuse_endings(clip)?;
             super::rest::refuse_second_reading(clip)?;
         }
         super::overwriting::refuse(&clips)?;

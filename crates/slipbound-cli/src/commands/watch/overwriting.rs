@@ -10,7 +10,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Refuses names whose ending stands for another format than the one written.
-pub fn refuse_endings(args: &Watch) -> Result<(), Failure> {
+fn refuse_endings(args: &Watch) -> Result<(), Failure> {
     const FORMATS: [&str; 28] = [
         "json", "jsonl", "ndjson", "csv", "tsv", "xlsx", "parquet", "feather", "pkl", "html", "htm", "pdf", "md",
         "txt", "png", "jpg", "jpeg", "gif", "webp", "svg", "bmp", "avi", "mp4", "mkv", "mov", "webm", "m4v", "mcap",
@@ -39,11 +39,13 @@ pub fn refuse_endings(args: &Watch) -> Result<(), Failure> {
     args.record.as_deref().map_or(Ok(()), |path| inputs::refuse_ending("--record", path))
 }
 
-/// Refuses outputs that would overwrite an input or each other, of any of the recordings.
+/// Refuses outputs that would overwrite an input or each other, of any of the recordings, and names that promise another
+/// format.
 pub fn refuse(clips: &[Watch]) -> Result<(), Failure> {
     let mut taken = Taken::default();
     clips.iter().for_each(|clip| taken.add_inputs(clip));
-    clips.iter().try_for_each(|clip| taken.add_outputs(clip))
+    clips.iter().try_for_each(|clip| taken.add_outputs(clip))?;
+    clips.iter().try_for_each(refuse_endings)
 }
 
 /// Places where nothing may be written, each with what is there.
