@@ -127,9 +127,7 @@ impl OnSlip {
         self.unsure_rise.begin_anew();
         self.phase = Phase::Stepping { since_ns: now_ns, arrived_ns: None };
     }
-}
 
-impl OnSlip {
     /// What was loaded and is `unsure` may be slipping.
     fn raise_while_unsure(&mut self, hand: &HandReport, elapsed_s: f64) {
         self.unsure_rise.see(hand);
