@@ -16,7 +16,7 @@ use slipbound::port::{
 };
 use slipbound::sensor::Skin;
 use slipbound::task::{ControllerKind, Phase, TaskKind, TaskSettings};
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -37,11 +37,37 @@ enum Scene {
     Unplugged,
 }
 
-/// A camera that paints its frames.
+/// A camera that paints its frames: of each scene a few with different noise, which it then gives in turn.
 struct Camera {
     painter: Painter,
     scenes: VecDeque<Scene>,
     seq: u64,
+    painted: HashMap<(Option<u64>, u64), Vec<u8>>,
+}
+
+/// Pictures of one scene.
+const PICTURES_COUNT: u64 = 8;
+
+impl Camera {
+    fn new(painter: Painter, scenes: impl IntoIterator<Item = Scene>) -> Self {
+        Camera { painter, scenes: scenes.into_iter().collect(), seq: 0, painted: HashMap::new() }
+    }
+
+    /// The object moves along x and drags the gel in contact, but the rim lags; without a lag there is no object.
+    fn paint(&mut self, lag_px: Option<f64>) -> &[u8] {
+        let noise = self.seq % PICTURES_COUNT;
+        let painter = &self.painter;
+        self.painted.entry((lag_px.map(f64::to_bits), noise)).or_insert_with(|| {
+            let at = |x_px| Touch {
+                centre: MIDDLE + Vec2::new(x_px, 0.0),
+                radii_px: Vec2::new(6.5, 5.5) * PITCH_PX,
+                strength_levels: 32.0,
+            };
+            let moved_px = |p: Vec2| lag_px.map_or(0.0, |px| 1.2 * px - if at(0.0).depth(p) > 0.72 { px } else { 0.0 });
+            let dots: Vec<Vec2> = painter.rest.iter().map(|&p| p + Vec2::new(moved_px(p), 0.0)).collect();
+            painter.paint(&dots, lag_px.map(|px| at(1.2 * px)).as_ref(), noise)
+        })
+    }
 }
 
 impl FrameSource for Camera {
@@ -49,20 +75,15 @@ impl FrameSource for Camera {
         let Some(scene) = self.scenes.pop_front() else { return Ok(Next::End) };
         (into.seq, into.time_ns, into.clock) = (self.seq, Some(self.seq * FRAME_NS), Clock::Device);
         self.seq += 1;
-        let touch = Touch { centre: MIDDLE, radii_px: Vec2::new(6.5, 5.5) * PITCH_PX, strength_levels: 32.0 };
-        let (lag_px, touch) = match scene {
-            Scene::Dark | Scene::Open => (0.0, None),
-            Scene::Held(lag_px) => (lag_px, Some(touch)),
+        let lag_px = match scene {
+            Scene::Dark | Scene::Open => None,
+            Scene::Held(lag_px) => Some(lag_px),
             Scene::Silent => return Ok(Next::Silent),
             Scene::Torn => return Ok(Next::Torn { reason: "cut off".into() }),
             Scene::Unplugged => return Err(SourceError::new(SourceErrorKind::Disconnected, "my camera: unplugged")),
         };
-        // The object moves along x and drags the gel in contact, but the rim lags.
-        let lags = |p: Vec2| touch.is_some_and(|touch| touch.depth(p) > 0.72);
-        let moved_px = |p: Vec2| 1.2 * lag_px - if lags(p) { lag_px } else { 0.0 };
-        let dots: Vec<Vec2> = self.painter.rest.iter().map(|&p| p + Vec2::new(moved_px(p), 0.0)).collect();
-        let touch = touch.map(|touch| Touch { centre: MIDDLE + Vec2::new(1.2 * lag_px, 0.0), ..touch });
-        into.pixels = self.painter.paint(&dots, touch.as_ref(), self.seq);
+        into.pixels.clear();
+        into.pixels.extend_from_slice(self.paint(lag_px));
         if matches!(scene, Scene::Dark) {
             into.pixels.fill(0);
         }
@@ -185,7 +206,7 @@ fn control(scenes: impl IntoIterator<Item = Scene>, settings: &TaskSettings) -> 
 fn control_with(skin: Skin, scenes: impl IntoIterator<Item = Scene>, task: &TaskSettings) -> ControlLoop {
     let painter = Painter::new(SIZE, PITCH_PX, 8.0, skin, 0.5, 11);
     let sensor = painter.sensor.clone();
-    let camera = Camera { painter, scenes: scenes.into_iter().collect(), seq: 0 };
+    let camera = Camera::new(painter, scenes);
     let mounting = Mounting::on(Side::Left);
     // Markers decide, because a painted rim follows no contact physics.
     let settings = Settings::default().with(|s| s.slip.rule = SlipRule::Markers);
@@ -284,7 +305,7 @@ fn the_first_frames_of_all_fingers_are_taken_before_the_monitor_of_one_is_made()
         let rest = rest.build(RestKind::Unloaded).expect("markers");
         let painter = Painter::new(SIZE, PITCH_PX, 8.0, Skin::Smooth, 0.5, 11);
         let sensor = painter.sensor.clone();
-        let camera = Counted(Camera { painter, scenes: scenes(&[(9, Scene::Open)]).into(), seq: 0 }, given.clone());
+        let camera = Counted(Camera::new(painter, scenes(&[(9, Scene::Open)])), given.clone());
         FingerPipeline::new(name, Mounting::on(side), sensor, Settings::default(), Box::new(camera)).with_rest(rest)
     };
     // A rest frame of another size ends the loop when the monitor of the left finger would be made.
@@ -556,7 +577,7 @@ fn a_hand_whose_fingers_are_all_on_one_side_is_refused() {
     let finger = |side: Side, name: &str| {
         let painter = Painter::new(SIZE, PITCH_PX, 8.0, Skin::Smooth, 0.5, 11);
         let sensor = painter.sensor.clone();
-        let camera = Camera { painter, scenes: VecDeque::new(), seq: 0 };
+        let camera = Camera::new(painter, []);
         FingerPipeline::new(name, Mounting::on(side), sensor, Settings::default(), Box::new(camera))
     };
     let made = |second| {

@@ -139,7 +139,7 @@ impl Painter {
         for levels in self.ideal(now, touch) {
             // The same noise in all three channels, so that the grey image has exactly this noise.
             let noise = random.normal() * self.noise_levels;
-            rgb.extend(levels.map(|v| (f64::from(v) + noise).round().clamp(0.0, 255.0) as u8));
+            rgb.extend(levels.map(|v| (f64::from(v) + noise + 0.5) as u8)); // rounded, and within 0 to 255
         }
         match self.jpeg_quality {
             None => rgb,
