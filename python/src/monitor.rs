@@ -332,7 +332,7 @@ fn saved(rest: &Bound<'_, PyAny>) -> PyResult<Option<Result<SavedRest, RestFileE
     let Ok(path) = rest.extract::<PathBuf>() else { return Ok(None) };
     if !path.is_file() {
         let expected = "expected \"auto\", pictures, or the file or the bytes of `slipbound tare`";
-        return Err(SettingError::new_err(format!("rest: {expected}, got {path:?}")));
+        return Err(SettingError::new_err(format!("rest: {expected}, got {path:?}, which is no file")));
     }
     Ok(Some(SavedRest::read(&path)))
 }

@@ -2,7 +2,7 @@
 
 mod program;
 
-use program::{printed, slipbound_in};
+use program::{command, printed, slipbound_in};
 use std::fs;
 use std::path::Path;
 use std::process::Output;
@@ -139,10 +139,17 @@ fn a_name_that_leads_nowhere_is_told_what_to_do() {
             "run.mcap: expected the folder of a run, got a file; `slipbound convert run.mcap -o FOLDER`",
         ),
         ("replay notes", "notes: expected the folder of a run, got a file"),
+        ("replay clip", "clip: expected the folder of a run, got a folder without run.toml"),
+        ("replay nowhere", "nowhere: expected the folder of a run, got none"),
+        ("eval lifts --data nowhere", "nowhere: expected a folder of clips, got none"),
     ] {
         let done = typed(folder.path(), line);
         assert!(done.status.code() == Some(2) && printed(&done).contains(said), "{line}: {}", printed(&done));
     }
+    let mut lifts = command(&["eval", "lifts"]);
+    let done = lifts.env("SLIPBOUND_DATA", "nowhere").current_dir(folder.path()).output().expect("runs");
+    let said = "nowhere/gelsight-lift: expected a folder of clips, got none; `--data FOLDER` names yours";
+    assert!(done.status.code() == Some(2) && printed(&done).contains(said), "{}", printed(&done));
     let done = typed(folder.path(), "scenes ramp");
     assert!(
         printed(&done).contains("see `slipbound scenes`") && !printed(&done).contains("see below"),

@@ -7,7 +7,17 @@ use slipbound::monitor::{Settings, SlipMonitor};
 use slipbound::port::{FrameBuffer, Next};
 use slipbound_rig::{sensors, source};
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> std::process::ExitCode {
+    match judge() {
+        Ok(()) => std::process::ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            std::process::ExitCode::FAILURE
+        }
+    }
+}
+
+fn judge() -> Result<(), Box<dyn std::error::Error>> {
     let mut args = std::env::args().skip(1);
     let testdata = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata");
     let recording = args.next().unwrap_or(format!("{testdata}/twist.avi"));

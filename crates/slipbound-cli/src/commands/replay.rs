@@ -25,6 +25,11 @@ impl Replay {
             };
             return Err(Failure::Arguments(anyhow!("{file}: expected the folder of a run, got a file{advice}")));
         }
+        if !self.folder.join("run.toml").is_file() {
+            let got = if self.folder.is_dir() { "a folder without run.toml" } else { "none" };
+            let folder = self.folder.display();
+            return Err(Failure::Arguments(anyhow!("{folder}: expected the folder of a run, got {got}")));
+        }
         let failed = |error| match error {
             ReplayError::Folder(_) | ReplayError::Sensor(_) | ReplayError::Rest(_) | ReplayError::Setting(_) => {
                 Failure::arguments(error)

@@ -197,6 +197,11 @@ impl ProtocolArgs {
             let recordings = std::env::var_os("SLIPBOUND_DATA").map_or_else(|| "../shared/data".into(), PathBuf::from);
             recordings.join(name)
         });
+        if !folder.is_dir() {
+            let advice = if self.data.is_some() { "" } else { "; `--data FOLDER` names yours" };
+            let folder = folder.display();
+            return Err(Failure::Arguments(anyhow!("{folder}: expected a folder of clips, got none{advice}")));
+        }
         Clips::open(&folder, |uri| Ok(source::open(uri)?)).map_err(Failure::arguments)
     }
 
