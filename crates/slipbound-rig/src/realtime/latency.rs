@@ -104,7 +104,7 @@ pub struct Latency {
     pub took_ns: Vec<u64>,
     /// Commands that the gripper had confirmed when the next frame was due.
     pub confirmed_count: usize,
-    /// Frames due between the first and the last of these cycles that no cycle was for: newer ones had
+    /// Frames, of any finger, due between the first and the last of these cycles that no cycle was for: newer ones had
     /// replaced them, or a camera was not ready.
     pub missed_count: u64,
 }
@@ -164,9 +164,12 @@ impl LatencyTrial {
         };
         let queue = |i: usize| QueuedObserver::new(BlockedObserver, QUEUE_DEPTH_COUNT, i == 0);
         let stopwatch = Stopwatch {
-            fingers_count: hand.fingers.len() - usize::from(self.blocks == Blocks::Camera && hand.fingers.len() > 1),
             period_ns,
-            due_ns: None,
+            due_ns: {
+                let fingers_count = hand.fingers.len();
+                let blocked_count = usize::from(self.blocks == Blocks::Camera && fingers_count > 1);
+                vec![None; fingers_count - blocked_count]
+            },
             missed_count: 0,
             stop: &stop,
             wanted_count: self.cycles_count,
@@ -322,11 +325,10 @@ impl CycleObserver for AllOf {
 
 /// Measures each cycle with a frame and a command after the grasp, from when the frame was due; then ends the loop.
 struct Stopwatch<'a> {
-    /// Fingers whose cameras do not block.
-    fingers_count: usize,
     period_ns: u64,
-    /// When the last frame was due, ns, and how many of those measured were missed before it.
-    due_ns: Option<u64>,
+    /// When the last frame of each finger was due, ns, where its camera does not block, and how many of those measured
+    /// were missed before them.
+    due_ns: Vec<Option<u64>>,
     missed_count: u64,
     stop: &'a AtomicBool,
     wanted_count: usize,
@@ -339,12 +341,15 @@ struct Stopwatch<'a> {
 impl CycleObserver for Stopwatch<'_> {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
         let now_ns = now_ns();
-        let new = view.fingers[..self.fingers_count].iter().filter(|finger| *finger.next == Next::Frame);
-        let new_ns = new.filter_map(|finger| finger.frame.time_ns).max();
-        if let Some((last_ns, due_ns)) = self.due_ns.zip(new_ns).filter(|_| !self.took_ns.is_empty()) {
-            self.missed_count += (due_ns.saturating_sub(last_ns) / self.period_ns).saturating_sub(1);
+        let mut new_ns = None;
+        for (finger, last_ns) in view.fingers.iter().zip(&mut self.due_ns) {
+            let due_ns = finger.frame.time_ns.filter(|_| *finger.next == Next::Frame);
+            if let Some((last_ns, due_ns)) = last_ns.zip(due_ns).filter(|_| !self.took_ns.is_empty()) {
+                self.missed_count += (due_ns.saturating_sub(last_ns) / self.period_ns).saturating_sub(1);
+            }
+            *last_ns = (*last_ns).max(due_ns);
+            new_ns = new_ns.max(due_ns);
         }
-        self.due_ns = self.due_ns.max(new_ns);
         let Some(cycle) = view.cycle().filter(|cycle| cycle.phase != Phase::Grasping) else {
             self.waited_count += 1;
             self.stop.fetch_or(self.waited_count > LONGEST_GRASP_COUNT, Ordering::Relaxed);
