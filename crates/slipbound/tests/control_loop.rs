@@ -16,7 +16,7 @@ use slipbound::port::{
 };
 use slipbound::sensor::Skin;
 use slipbound::task::{ControllerKind, Phase, TaskKind, TaskSettings};
-use std::collections::{HashMap, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -42,7 +42,7 @@ struct Camera {
     painter: Painter,
     scenes: VecDeque<Scene>,
     seq: u64,
-    painted: HashMap<(Option<u64>, u64), Vec<u8>>,
+    painted: BTreeMap<(Option<u64>, u64), Vec<u8>>,
 }
 
 /// Pictures of one scene.
@@ -50,7 +50,7 @@ const PICTURES_COUNT: u64 = 8;
 
 impl Camera {
     fn new(painter: Painter, scenes: impl IntoIterator<Item = Scene>) -> Self {
-        Camera { painter, scenes: scenes.into_iter().collect(), seq: 0, painted: HashMap::new() }
+        Camera { painter, scenes: scenes.into_iter().collect(), seq: 0, painted: BTreeMap::new() }
     }
 
     /// The object moves along x and drags the gel in contact, but the rim lags; without a lag there is no object.

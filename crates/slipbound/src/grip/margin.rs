@@ -27,7 +27,7 @@
 //! f is the monitor's estimate (step 6). The force f P at which the object would slide is averaged over
 //! [`MarginSettings::average_ns`]; above [`MarginSettings::urgent_fraction`] a single frame counts. The controller
 //! needs the stiffness of the gel (see [`Shear`](crate::sensor::Shear)) and the grip force: it is refused without the
-//! first, and keeps the grip constant without the second.
+//! first; without the second it does not lower the grip, and raises it in the same slow way while too much is used.
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived, step_s};
 use super::unsure::UnsureRise;
@@ -99,8 +99,8 @@ pub struct MarginSettings {
     /// Decay rate, 1/s, of the force beyond 1.5 times the wanted one, where that is faster than `release_n_per_s`:
     /// after a cap has broken loose the grip is many times larger than needed. 0: always `release_n_per_s`.
     pub release_excess_per_s: f64,
-    /// Rate of increase while a contact that was loaded when last judged gives no margin, N per finger and second; 0:
-    /// none.
+    /// Rate of increase while a contact that was loaded when last judged gives no margin, or while too much is used of
+    /// a grip whose force is unknown, N per finger and second; 0: none.
     pub unsure_n_per_s: f64,
     /// Limit of that increase, as a fraction of the grip at which it began.
     pub unsure_most_fraction: f64,
@@ -277,12 +277,17 @@ impl Margin {
     }
 
     /// No margin or no force is known. What slides is gripped harder. A contact that was loaded when last judged may be
-    /// slipping; without frames or contact nothing is known.
-    fn without_margin(&mut self, hand: &HandReport, elapsed_s: f64) -> GripDecision {
+    /// slipping, and where more of the friction is `used` than there should be, how much force is missing is not known;
+    /// without frames or contact nothing is known.
+    fn without_margin(&mut self, hand: &HandReport, used: Option<f64>, elapsed_s: f64) -> GripDecision {
         self.unsure_rise.see(hand);
+        let target = self.settings.target(hand.friction, doubt(hand.cut_fraction));
+        if let Some(used) = used {
+            self.unsure_rise.judged(1.0 - used);
+        }
         if hand.state == SlipState::Gross {
             self.force_n = (self.force_n + self.settings.raise_n_per_s * elapsed_s).min(self.limits.most_n);
-        } else if hand.state == SlipState::Unsure {
+        } else if hand.state == SlipState::Unsure || used.is_some_and(|used| used > target) {
             self.force_n = self.unsure_rise.raised_n(self.force_n, self.limits.most_n, elapsed_s);
         }
         GripDecision { force_n: self.force_n, arm: ArmMotion::Go }
@@ -311,7 +316,7 @@ impl GripController for Margin {
         // An object that slides uses all friction, whatever the estimate.
         let used = hand.margin.map(|margin| 1.0 - margin).map(|used| if gross { used.max(1.0) } else { used });
         let (Some(used), Some(pressed_n)) = (used.or(gross.then_some(1.0)), pressed_n) else {
-            return self.without_margin(hand, elapsed_s);
+            return self.without_margin(hand, used, elapsed_s);
         };
         self.unsure_rise.begin_anew();
         let doubt = doubt(hand.cut_fraction);
