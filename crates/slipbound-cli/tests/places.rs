@@ -142,6 +142,7 @@ fn a_name_that_leads_nowhere_is_told_what_to_do() {
         ("replay clip", "clip: expected the folder of a run, got a folder without run.toml"),
         ("replay nowhere", "nowhere: expected the folder of a run, got none"),
         ("eval lifts --data nowhere", "nowhere: expected a folder of clips, got none"),
+        ("eval lifts --data notes", "notes: expected a folder of clips: Not a directory"),
     ] {
         let done = typed(folder.path(), line);
         assert!(done.status.code() == Some(2) && printed(&done).contains(said), "{line}: {}", printed(&done));

@@ -251,7 +251,11 @@ impl ControlLoop {
 
     /// Polls gripper and wrist; a fault where one of them gives no usable state.
     fn poll(&mut self, now_ns: u64, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) -> Result<Polled, Fault> {
-        let state = gripper.poll().map_err(Fault::of_gripper).and_then(|state| self.usable(state));
+        let polled = gripper.poll();
+        if matches!(&polled, Err(error) if error.kind == GripperErrorKind::Link) {
+            self.hold_end.lose_sight();
+        }
+        let state = polled.map_err(Fault::of_gripper).and_then(|state| self.usable(state));
         // A wrist that cannot be polled is taken to stand at its last position; the grip still reacts to slip.
         let wrist_known = match (wrist.poll().map_err(Fault::of_wrist), self.wrist) {
             (Ok(state), _) => Ok((state, None)),

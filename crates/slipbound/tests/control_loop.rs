@@ -507,6 +507,23 @@ fn jaws_that_hold_no_more_are_a_fault_and_are_not_closed_again_once_they_have_op
     }
 }
 
+/// By a gripper that does not tell how far they are open.
+#[test]
+fn jaws_that_opened_while_the_link_was_lost_are_not_closed_again() {
+    let mut control = control(scenes(&[(20, Scene::Open), (60, Scene::Held(0.0))]), &hold());
+    let (mut gripper, mut wrist, mut commands_count) = (MyGripper::default(), MyWrist::default(), None);
+    for cycle in 0..70 {
+        gripper.is_lost = (40..43).contains(&cycle);
+        if cycle == 43 {
+            gripper.reports = Some((Jaws::Open, None, 0..usize::MAX));
+            commands_count = Some(gripper.commands.len());
+        }
+        control.cycle(cycle * FRAME_NS, &mut gripper, &mut wrist, &mut ()).expect("goes on");
+    }
+    assert_eq!(Some(gripper.commands.len()), commands_count);
+    assert_eq!(control.fault().map(|fault| fault.kind), Some(FaultKind::HoldEnded));
+}
+
 #[test]
 fn jaws_that_somebody_opened_and_closed_on_the_object_again_keep_their_force() {
     let mut control = control(scenes(&[(20, Scene::Open), (120, Scene::Held(0.0))]), &hold());

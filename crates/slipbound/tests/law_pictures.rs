@@ -153,6 +153,17 @@ fn a_poor_margin_of_an_unsure_frame_does_not_replace_the_one_that_was_judged() {
     }
     let (told, ..) = told_by(Law::OnSlip(OnSlipSettings::default()), GripLimits::default(), &hands, None);
     assert!(told[3].force_n == 10.0 && (told[6].force_n - 11.0).abs() < 0.02, "{told:?}");
+    // The same for the other law, whose gripper falls silent on its force.
+    let mut controller = margin_law().controller(&GripLimits::default()).expect("valid");
+    let untold = GripperState { force_n: None, target_n: None, ..gripper(0.0) };
+    let step = |(i, hand): (usize, &HandReport)| {
+        controller.decide(i as u64 * FRAME_NS, hand, &if i < 3 { gripper(10.0) } else { untold }).force_n
+    };
+    let told: Vec<f64> = hands.iter().enumerate().map(step).collect();
+    assert!(told[6] - told[3] > 0.9, "{told:?}");
+    let never_judged = with_margin(self::hands("????"), 0.7);
+    let (told, ..) = told_by(margin_law(), GripLimits::default(), &never_judged, Some(0.0));
+    assert!(told.iter().all(|told| told.force_n == 10.0), "{told:?}");
 }
 
 fn margin_law() -> Law {
@@ -231,13 +242,17 @@ fn a_grip_whose_force_is_unknown_rises_slowly_while_too_much_is_used_and_stays_o
     assert_eq!(risen(&unsure).1, 15.0, "a contact that was loaded when the force was unknown, too");
 }
 
+/// A command that has stood for a second counts as reached, and is answered by one step of 4 N; it is no reading, so the
+/// slow rise does not begin anew at its end.
 #[test]
-fn a_reading_of_no_force_moves_no_arm_and_a_grip_that_may_not_let_go_stays() {
-    let loaded = with_margin(hands("........"), 0.1);
+fn a_reading_of_no_force_begins_no_second_rise_and_a_grip_that_may_not_let_go_stays() {
+    let loaded = with_margin(hands(&".".repeat(71)), 0.1);
     for pressed_n in [0.0, -1.0] {
         let (told, ..) = told_by(margin_law(), GripLimits::default(), &loaded, Some(pressed_n));
-        let rises = told.is_sorted_by(|a, b| a.force_n <= b.force_n) && told[7].force_n <= 15.0;
-        assert!(rises && told.iter().all(|told| told.arm == ArmMotion::Go), "{pressed_n} N: {told:?}");
+        assert!(told[..46].iter().all(|told| told.arm == ArmMotion::Go), "{pressed_n} N: {told:?}");
+        for (frame, force_n) in [(3, 11.0), (16, 15.0), (44, 15.0), (50, 19.0), (70, 19.0)] {
+            assert!((told[frame].force_n - force_n).abs() < 0.01, "{pressed_n} N, frame {frame}: {told:?}");
+        }
     }
     let mut settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
     settings.release_n_per_s = 0.0;

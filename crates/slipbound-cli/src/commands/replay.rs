@@ -25,7 +25,7 @@ impl Replay {
             };
             return Err(Failure::Arguments(anyhow!("{file}: expected the folder of a run, got a file{advice}")));
         }
-        if !self.folder.join("run.toml").is_file() {
+        if matches!(self.folder.join("run.toml").try_exists(), Ok(false)) {
             let got = if self.folder.is_dir() { "a folder without run.toml" } else { "none" };
             let folder = self.folder.display();
             return Err(Failure::Arguments(anyhow!("{folder}: expected the folder of a run, got {got}")));

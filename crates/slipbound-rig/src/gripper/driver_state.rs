@@ -138,8 +138,10 @@ impl DriverState {
         self.grasp.see(&self.gripper, &self.config);
     }
 
-    /// The gripper has accepted this force, N per finger, or reports that it has it. None: it does not say.
+    /// The gripper has accepted this force, N per finger, or reports that it has it. None: it does not say. A negative
+    /// one says nothing either: nobody is told to press with it.
     pub fn settle_target(&mut self, force_n: Option<f64>) {
+        let force_n = force_n.filter(|n| *n >= 0.0);
         self.gripper.target_n = force_n;
         if force_n.is_some() {
             self.doubted_n = None;

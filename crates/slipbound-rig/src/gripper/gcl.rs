@@ -201,6 +201,18 @@ impl Gcl {
         driver.gripper.jaws = if self.is_stopped { Jaws::Stopped } else { grasp::jaws(self.grasp) };
     }
 
+    /// A state that it cannot tell is not known.
+    fn take_no_value(&mut self, driver: &mut DriverState, name: &str) {
+        match name {
+            "POS" => driver.gripper.opening_mm = None,
+            "FORCE" => driver.gripper.force_n = None,
+            _ => {
+                self.grasp = None;
+                driver.gripper.jaws = if self.is_stopped { Jaws::Stopped } else { grasp::jaws(None) };
+            }
+        }
+    }
+
     fn take_in_flight(&mut self, name: &str) -> Option<Message> {
         self.in_flight.take_if(|sent| sent.message.name() == name).map(|sent| sent.message)
     }
@@ -249,6 +261,9 @@ impl Gcl {
         // A command that has not begun is not aborted: the answer is for the motion before it.
         let ends_motion = is_aborted && self.motion.is_some_and(|motion| motion.name == name);
         let sent = if ends_motion { None } else { self.take_in_flight(name) };
+        if let Some(Message::Question(name)) = sent {
+            return self.take_no_value(driver, name);
+        }
         let name = match sent {
             Some(message) => {
                 self.goal = Goal::Keep;

@@ -161,7 +161,8 @@ impl LineGripper {
 }
 
 impl Protocol for LineGripper {
-    fn linked(&mut self, _driver: &mut DriverState) {
+    fn linked(&mut self, driver: &mut DriverState) {
+        driver.gripper.jaws = Jaws::Unknown; // until it says what they do now
         *self = LineGripper { number: self.number, ..LineGripper::default() };
     }
 

@@ -150,8 +150,13 @@ impl Wsg50 {
         }
     }
 
-    /// Checks whether the measured force follows the new limit; if it does not in time, the grasp is given again.
+    /// Checks whether the measured force follows the new limit; if it does not in time, the grasp is given again, but
+    /// not on jaws that hold no more: whatever is between them by then would be gripped.
     fn check_following(&mut self, driver: &mut DriverState, from_n: f64, to_n: f64, until_ns: u64) {
+        if !self.telemetry.is_holding() {
+            (self.phase, self.is_limit_untried) = (Phase::Grasped, true);
+            return;
+        }
         let measured_n = driver.gripper.force_n.unwrap_or(from_n);
         if (measured_n - to_n).abs() <= 0.5 * (from_n - to_n).abs() {
             self.phase = Phase::Grasped;
@@ -333,7 +338,7 @@ fn width_unset(driver: &DriverState, command: &'static str) -> Error {
 
 impl Protocol for Wsg50 {
     fn linked(&mut self, driver: &mut DriverState) {
-        let telemetry = Telemetry::new(driver.now_ns());
+        let telemetry = Telemetry::new(driver.now_ns(), driver.gripper.opening_mm.is_some());
         *self = Wsg50 { telemetry, force_path: self.force_path, ..Wsg50::default() };
         driver.gripper.jaws = slipbound::port::Jaws::Unknown;
         self.telemetry.ask(driver);
@@ -391,6 +396,9 @@ impl Protocol for Wsg50 {
         }
         if self.telemetry.grasp.is_none() {
             return Err(Error::NotReady { address: driver.address(), expected: "whether it holds something" });
+        }
+        if self.telemetry.is_opening_old {
+            return Err(Error::NotReady { address: driver.address(), expected: "how far it is open" });
         }
         Ok(())
     }

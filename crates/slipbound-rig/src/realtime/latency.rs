@@ -104,8 +104,8 @@ pub struct Latency {
     pub took_ns: Vec<u64>,
     /// Commands that the gripper had confirmed when the next frame was due.
     pub confirmed_count: usize,
-    /// Frames, of any finger, due between the first and the last of these cycles that no cycle was for: newer ones had
-    /// replaced them, or a camera was not ready.
+    /// Frames, of any finger whose camera does not block, due between the first and the last of these cycles that no
+    /// cycle was for: newer ones had replaced them, or a camera was not ready.
     pub missed_count: u64,
 }
 

@@ -309,6 +309,44 @@ impl Scripted {
     }
 }
 
+/// A question that is answered with an error; the command that waited for it is sent all the same.
+#[test]
+fn a_state_that_cannot_be_told_is_not_known_and_stops_no_command() {
+    for (name, status) in [("FORCE", 2), ("POS", 16), ("GRIPSTATE", 7)] {
+        let mut driver = driver("gcl", config("gcl"));
+        let run = |driver: &mut Driver, from_ms: u64, fails: bool| {
+            let mut grips_count = 0;
+            for now_ns in (from_ms..from_ms + 200).map(|ms| ms * MS) {
+                driver.tick(now_ns);
+                let sent = String::from_utf8(std::mem::take(driver.outgoing())).expect("ASCII");
+                for line in sent.lines() {
+                    let answer = match line.trim_end_matches('?') {
+                        asked if fails && asked == name => format!("ERR {name} {status}"),
+                        "FORCE" => "FORCE=20".into(),
+                        "POS" => "POS=110".into(),
+                        "GRIPSTATE" => "GRIPSTATE=0".into(),
+                        _ => "ACK GRIP".into(),
+                    };
+                    grips_count += u32::from(line.starts_with("GRIP("));
+                    driver.receive(now_ns, format!("{answer}\n").as_bytes());
+                }
+            }
+            grips_count
+        };
+        driver.linked(0);
+        assert_eq!(run(&mut driver, 1, false), 0);
+        let request = Request::Grip(GripCommand::Hold { force_n: 30.0 });
+        driver.request(201 * MS, request).expect("taken over");
+        assert_eq!(run(&mut driver, 201, true), 1, "{name}");
+        let state = driver.state(401 * MS);
+        let known = state.map_or((false, false, Jaws::Unknown), |state| {
+            (state.force_n.is_some(), state.opening_mm.is_some(), state.jaws)
+        });
+        let jaws = if name == "GRIPSTATE" { Jaws::Unknown } else { Jaws::Open };
+        assert_eq!(known, (name != "FORCE", name != "POS", jaws), "{name}");
+    }
+}
+
 /// The end of an opening motion, and whether the next command to release gives it again.
 #[test]
 fn a_release_that_failed_under_way_is_given_again_and_one_that_somebody_aborted_is_not() {

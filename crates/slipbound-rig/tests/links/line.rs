@@ -8,6 +8,19 @@ use slipbound_rig::gripper::{self, Request};
 use slipbound_rig::link::Endpoint;
 use slipbound_rig::wrist::{Error, LineWrist};
 
+/// -1, as some say that they do not know; a first command may not take it for what they hold with.
+#[test]
+fn a_negative_target_is_no_force_and_on_a_new_link_the_jaws_are_unknown_until_they_are_told() {
+    let mut driver = driver("line", config("line"));
+    driver.linked(0);
+    driver.receive(0, b"HELLO slipbound-line 1\nGRIPPER jaws holding force_n 40 target_n -1 opening_mm 50\n");
+    let state = driver.state(MS).expect("told");
+    assert_eq!((state.jaws, state.force_n, state.target_n), (Jaws::Holding, Some(40.0), None));
+    driver.linked(2 * MS);
+    driver.receive(2 * MS, b"HELLO slipbound-line 1\n");
+    assert!(driver.state(3 * MS).map_or(Jaws::Unknown, |state| state.jaws) == Jaws::Unknown);
+}
+
 #[test]
 fn a_block_is_gripped_and_released_by_these_lines() {
     for chunk in [1, usize::MAX] {

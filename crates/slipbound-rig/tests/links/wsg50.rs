@@ -1,6 +1,6 @@
 //! WSG-50, binary interface, in lock-step.
 
-use crate::bench::{Bench, MS, WIDTH_MM, config};
+use crate::bench::{Bench, MS, WIDTH_MM, config, driver};
 use slipbound::port::{DriverEvent, GripCommand, Jaws};
 use slipbound_rig::gripper::config::{Config, ForceChange, ForceIs, Lowering};
 use slipbound_rig::gripper::wsg50::Wsg50;
@@ -228,6 +228,46 @@ fn nothing_and_a_lost_part_are_told_and_no_grasp_is_given_again() {
         bench.run(50);
     }
     assert_eq!((sent(&bench, 0x25).len(), bench.state().expect("there").jaws), (1, Jaws::Lost));
+}
+
+/// The part is lost, or the jaws are opened, while the driver waits for the force to follow a new limit.
+#[test]
+fn no_grasp_is_given_again_where_nothing_is_held_any_more() {
+    for force_n in [40.0, 10.0] {
+        let mut bench = Bench::holding("wsg50", allowing(), "fixed-limit", 20.0);
+        bench.grip(force_n).expect("taken over");
+        bench.run(50);
+        bench.plant.width_mm = None;
+        bench.run(2000);
+        assert_eq!(sent(&bench, 0x25).len(), 1, "{force_n} N");
+        assert_ne!(bench.state().expect("there").jaws, Jaws::Holding);
+    }
+}
+
+/// Jaws that were opened while the link was cut are seen as such before anything else of them.
+#[test]
+fn on_a_new_link_nothing_is_told_or_taken_over_before_the_opening_is() {
+    let mut bench = Bench::holding("wsg50", config("wsg50"), "", 20.0);
+    assert!(bench.state().expect("there").opening_mm.is_some());
+    let mut driver = std::mem::replace(&mut bench.driver, driver("wsg50", config("wsg50")));
+    let (mut now_ns, mut bytes) = (bench.now_ns() + MS, Vec::new());
+    driver.linked(now_ns);
+    let told = |id: u8, payload: &[u8]| {
+        let mut bytes = Vec::new();
+        frame::write(&mut bytes, id, &[&[0, 0], payload].concat());
+        bytes
+    };
+    for (id, payload) in [(0x33, 20f32.to_le_bytes().to_vec()), (0x40, vec![1, 0, 0, 0]), (0x41, vec![0])] {
+        bytes.extend(told(id, &payload));
+    }
+    driver.receive(now_ns, &bytes);
+    assert_eq!(driver.state(now_ns).map_or(Jaws::Unknown, |state| state.jaws), Jaws::Unknown);
+    let request = Request::Grip(GripCommand::Hold { force_n: 20.0 });
+    driver.request(now_ns, request).expect_err("its opening may be that of the link before");
+    now_ns += MS;
+    driver.receive(now_ns, &told(0x43, &100f32.to_le_bytes()));
+    let state = driver.state(now_ns).expect("told");
+    assert_eq!((state.jaws, state.opening_mm), (Jaws::Open, Some(100.0)));
 }
 
 #[test]

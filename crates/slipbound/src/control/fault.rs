@@ -174,6 +174,8 @@ pub(super) struct HoldEnd {
     /// Opening with which they held last, mm.
     held_mm: Option<f64>,
     has_opened: bool,
+    /// The link was lost since they held last.
+    was_away: bool,
 }
 
 impl HoldEnd {
@@ -181,21 +183,28 @@ impl HoldEnd {
     pub fn check(&mut self, now_ns: u64, state: &GripperState, step: &TaskStep) -> Option<Fault> {
         let is_to_hold = matches!(step.phase, Phase::Working | Phase::Waiting) && step.grip != GripCommand::Release;
         if !is_to_hold || !matches!(state.jaws, Jaws::Open | Jaws::Closing) {
-            let held_mm = if state.jaws == Jaws::Holding { state.opening_mm } else { self.held_mm };
-            *self = HoldEnd { held_mm, ..HoldEnd::default() };
+            let holds = state.jaws == Jaws::Holding;
+            let held_mm = if holds { state.opening_mm } else { self.held_mm };
+            *self = HoldEnd { held_mm, was_away: self.was_away && !holds, ..HoldEnd::default() };
             return None;
         }
         let since_ns = *self.since_ns.get_or_insert(now_ns);
         let is_late = now_ns.saturating_sub(since_ns) > FOLLOW_NS;
         let is_wider = match self.held_mm.zip(state.opening_mm) {
             Some((held_mm, mm)) => mm > held_mm + OPENED_MM,
-            None => is_late, // a fast stop is over by then
+            // A fast stop is over by then; while nobody looked, they may have been opened.
+            None => is_late || self.was_away,
         };
         self.has_opened |= is_wider && state.jaws == Jaws::Open;
         (self.has_opened || is_late).then(|| Fault {
             kind: FaultKind::HoldEnded,
             text: format!("gripper: expected jaws that hold, got {}", state.jaws.name()).into(),
         })
+    }
+
+    /// The link to the gripper is lost.
+    pub fn lose_sight(&mut self) {
+        self.was_away = true;
     }
 
     /// Whether the jaws have opened: a grasp would close them on whatever is between them now.

@@ -282,12 +282,14 @@ impl Margin {
     fn without_margin(&mut self, hand: &HandReport, used: Option<f64>, elapsed_s: f64) -> GripDecision {
         self.unsure_rise.see(hand);
         let target = self.settings.target(hand.friction, doubt(hand.cut_fraction));
-        if let Some(used) = used {
+        let is_above = used.is_some_and(|used| used > target);
+        // An unsure frame's margin says that it slips, or nothing.
+        if let Some(used) = used.filter(|_| hand.state != SlipState::Unsure || is_above) {
             self.unsure_rise.judged(1.0 - used);
         }
         if hand.state == SlipState::Gross {
             self.force_n = (self.force_n + self.settings.raise_n_per_s * elapsed_s).min(self.limits.most_n);
-        } else if hand.state == SlipState::Unsure || used.is_some_and(|used| used > target) {
+        } else if hand.state == SlipState::Unsure || is_above {
             self.force_n = self.unsure_rise.raised_n(self.force_n, self.limits.most_n, elapsed_s);
         }
         GripDecision { force_n: self.force_n, arm: ArmMotion::Go }
@@ -318,7 +320,10 @@ impl GripController for Margin {
         let (Some(used), Some(pressed_n)) = (used.or(gross.then_some(1.0)), pressed_n) else {
             return self.without_margin(hand, used, elapsed_s);
         };
-        self.unsure_rise.begin_anew();
+        // A command that counts as reached is no reading: the next rise would begin at the end of this one.
+        if gripper.pressed_n().is_some_and(|n| n > 0.0) {
+            self.unsure_rise.begin_anew();
+        }
         let doubt = doubt(hand.cut_fraction);
         let target = self.settings.target(hand.friction, doubt);
         let holding_n = self.update_holding_n(used, pressed_n, elapsed_s, misses);

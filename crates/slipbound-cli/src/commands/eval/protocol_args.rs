@@ -197,7 +197,7 @@ impl ProtocolArgs {
             let recordings = std::env::var_os("SLIPBOUND_DATA").map_or_else(|| "../shared/data".into(), PathBuf::from);
             recordings.join(name)
         });
-        if !folder.is_dir() {
+        if matches!(folder.try_exists(), Ok(false)) {
             let advice = if self.data.is_some() { "" } else { "; `--data FOLDER` names yours" };
             let folder = folder.display();
             return Err(Failure::Arguments(anyhow!("{folder}: expected a folder of clips, got none{advice}")));

@@ -30,12 +30,14 @@ pub(super) struct Telemetry {
     /// When each of them was last received, or the link made, ns.
     told_ns: [u64; STATES.len()],
     limit_asked_ns: Option<u64>,
+    /// The opening is that of an earlier link: the jaws may have been opened since.
+    pub is_opening_old: bool,
 }
 
 impl Telemetry {
-    /// On a link made at this time.
-    pub fn new(now_ns: u64) -> Self {
-        Telemetry { told_ns: [now_ns; STATES.len()], ..Telemetry::default() }
+    /// On a link made at this time; whether an opening is known from an earlier one.
+    pub fn new(now_ns: u64, is_opening_old: bool) -> Self {
+        Telemetry { told_ns: [now_ns; STATES.len()], is_opening_old, ..Telemetry::default() }
     }
 
     /// Since when a state has not been received, ns, if that is longer than the silence allowed and the answer to the
@@ -53,9 +55,9 @@ impl Telemetry {
     }
 
     /// Values that no longer come are not known.
-    pub fn forget_untold(&self, driver: &mut DriverState) {
+    pub fn forget_untold(&mut self, driver: &mut DriverState) {
         if self.untold_since_ns(driver, id::OPENING).is_some() {
-            driver.gripper.opening_mm = None;
+            (driver.gripper.opening_mm, self.is_opening_old) = (None, false);
         }
         if self.untold_since_ns(driver, id::FORCE).is_some() {
             driver.gripper.force_n = None;
@@ -97,6 +99,7 @@ impl Telemetry {
         }
         let Some(place) = STATES.iter().position(|state| *state == id) else { return false };
         (self.asked_ns[place], self.told_ns[place]) = (Some(driver.now_ns()), driver.now_ns());
+        self.is_opening_old &= id != id::OPENING;
         // A state that it cannot tell is not known.
         self.take_state(driver, id, if code == status::OK { rest } else { &[] });
         true
@@ -146,7 +149,7 @@ impl Telemetry {
         if self.is_stopped() {
             return Jaws::Stopped;
         }
-        if !self.is_homed() {
+        if !self.is_homed() || self.is_opening_old {
             return Jaws::Unknown;
         }
         grasp::jaws(self.grasp)
