@@ -198,7 +198,11 @@ impl Gcl {
                 }
             }
         }
-        driver.gripper.jaws = if self.is_stopped { Jaws::Stopped } else { grasp::jaws(self.grasp) };
+        driver.gripper.jaws = self.jaws();
+    }
+
+    fn jaws(&self) -> Jaws {
+        if self.is_stopped { Jaws::Stopped } else { grasp::jaws(self.grasp) }
     }
 
     /// A state that it cannot tell is not known.
@@ -208,7 +212,7 @@ impl Gcl {
             "FORCE" => driver.gripper.force_n = None,
             _ => {
                 self.grasp = None;
-                driver.gripper.jaws = if self.is_stopped { Jaws::Stopped } else { grasp::jaws(None) };
+                driver.gripper.jaws = self.jaws();
             }
         }
     }
