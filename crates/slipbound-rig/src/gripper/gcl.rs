@@ -6,6 +6,7 @@
 //! slip use the binary interface.
 
 mod message;
+mod motion;
 
 use super::config::Config;
 use super::driver_state::DriverState;
@@ -15,14 +16,8 @@ use super::protocol::{MISSES_COUNT, Protocol};
 use super::wsg50::words::{LINK_CUT, grasp, status};
 use crate::link::{InFlight, Lines, write_line};
 use message::{Message, QUESTIONS, is_name, place};
+use motion::Motion;
 use slipbound::port::{DriverEvent, GripCommand, Jaws};
-
-/// A motion in progress.
-#[derive(Debug, Clone, Copy)]
-struct Motion {
-    name: &'static str,
-    since_ns: u64,
-}
 
 /// A grip that ended in an error, until the gripper's state shows the outcome.
 #[derive(Debug)]
@@ -46,6 +41,8 @@ pub struct Gcl {
     grasp: Option<u8>,
     /// When it last told that, or the link was made, ns.
     grasp_ns: u64,
+    /// Whether that was before it was stopped.
+    is_grasp_old: bool,
     goal: Goal,
     in_flight: Option<InFlight<Message>>,
     motion: Option<Motion>,
@@ -124,6 +121,12 @@ impl Gcl {
         true
     }
 
+    /// The state of the jaws, out of turn.
+    fn ask_for_grasp(&mut self, driver: &mut DriverState) {
+        self.question = place("GRIPSTATE");
+        self.ask(driver);
+    }
+
     /// A question was not answered. One answer may be lost; after that the value is not known.
     fn miss(&mut self, driver: &mut DriverState, name: &str) {
         let misses_count = &mut self.misses_count[place(name)];
@@ -132,7 +135,7 @@ impl Gcl {
             _ if *misses_count < MISSES_COUNT => {}
             "POS" => driver.gripper.opening_mm = None,
             "FORCE" => driver.gripper.force_n = None,
-            _ => {}
+            _ => self.is_grasp_old = false,
         }
     }
 
@@ -185,7 +188,7 @@ impl Gcl {
             "POS" => driver.gripper.opening_mm = Some(number).filter(|mm| (-10.0..=1000.0).contains(mm)),
             "FORCE" => driver.gripper.force_n = driver.config.from_own_n(number),
             _ => {
-                self.grasp_ns = driver.now_ns();
+                (self.grasp_ns, self.is_grasp_old) = (driver.now_ns(), false);
                 self.grasp = (0.0..=7.0).contains(&number).then_some(number as u8);
                 if self.grasp.is_some_and(|grasp| grasp != grasp::ERROR) && !self.is_stopped {
                     driver.forget_lost_link(); // it has latched nothing
@@ -193,6 +196,7 @@ impl Gcl {
                 if let Some(force_n) = self.gripped_before_n.take().filter(|_| self.is_holding()) {
                     self.gripped_n = Some(force_n);
                 }
+                self.end_untold_motion(driver);
                 if self.grasp != Some(grasp::GRASPING) {
                     self.report_failed_grip(driver);
                 }
@@ -211,9 +215,21 @@ impl Gcl {
             "POS" => driver.gripper.opening_mm = None,
             "FORCE" => driver.gripper.force_n = None,
             _ => {
-                self.grasp = None;
+                (self.grasp, self.is_grasp_old) = (None, false);
                 driver.gripper.jaws = self.jaws();
             }
+        }
+    }
+
+    /// The end of a motion of which nothing was understood: the state of the jaws shows what became of it.
+    fn end_untold_motion(&mut self, driver: &mut DriverState) {
+        let (grasp, now_ns, wait_ns) = (self.grasp, driver.now_ns(), driver.config.reply_ms * 1_000_000);
+        let Some(motion) = self.motion.take_if(|motion| motion.has_ended(grasp, now_ns, wait_ns)) else { return };
+        match (motion.name, grasp) {
+            ("GRIP", Some(grasp::HOLDING | grasp::NO_PART | grasp::PART_LOST)) => {}
+            ("GRIP", _) => self.refuse_grip(driver, "an end that was not understood".into()),
+            (_, Some(grasp::IDLE)) => {}
+            (name, _) => self.forget_release(name),
         }
     }
 
@@ -232,7 +248,7 @@ impl Gcl {
             }
             Message::Command("STOP") => {
                 self.stopped = self.motion.take().map(|motion| motion.name);
-                (self.gripped_n, self.is_release_given) = (None, false);
+                (self.gripped_n, self.is_release_given, self.is_grasp_old) = (None, false, true);
             }
             Message::Command("FSACK") => {
                 (self.is_stopped, self.gripped_n, self.is_release_given) = (false, None, false);
@@ -242,7 +258,7 @@ impl Gcl {
         }
         if matches!(message.name(), "HOME" | "MOVE" | "GRIP" | "RELEASE") {
             self.is_unhomed = false;
-            self.motion = Some(Motion { name: message.name(), since_ns: driver.now_ns() });
+            self.motion = Some(Motion::new(message.name(), driver.now_ns(), self.grasp));
         }
     }
 
@@ -355,7 +371,7 @@ impl Gcl {
     }
 
     fn is_holding(&self) -> bool {
-        self.grasp == Some(grasp::HOLDING)
+        self.grasp == Some(grasp::HOLDING) && !self.is_grasp_old
     }
 
     fn why_stopped(&self, driver: &DriverState) -> String {
@@ -383,7 +399,7 @@ impl Protocol for Gcl {
             is_regrip_refused,
             ..Gcl::default()
         };
-        driver.gripper.jaws = Jaws::Unknown;
+        (driver.gripper.jaws, driver.gripper.opening_mm, driver.gripper.force_n) = (Jaws::Unknown, None, None);
     }
 
     fn receive(&mut self, driver: &mut DriverState, bytes: &[u8]) {
@@ -439,6 +455,8 @@ impl Protocol for Gcl {
             },
             Goal::Open if !self.is_stopped && !self.is_release_given => match moving {
                 Some("GRIP") => self.command(driver, "STOP"),
+                // What it held before it was stopped decides nothing.
+                _ if self.is_grasp_old => self.ask_for_grasp(driver),
                 _ => self.open(driver),
             },
             _ => {

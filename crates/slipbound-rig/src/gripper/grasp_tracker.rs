@@ -18,7 +18,7 @@ pub(super) struct GraspTracker {
     is_grasped: bool,
     /// Whether they closed or held since then: a stop alone does not tell that anything is between them.
     has_closed: bool,
-    /// The least opening since then, mm.
+    /// The last opening of them that was told, mm: a soft object is as wide as the force leaves it.
     grasped_mm: Option<f64>,
     idle_n: f64,
     idle_count: u32,
@@ -46,7 +46,7 @@ impl GraspTracker {
     fn see_grasp(&mut self, state: &GripperState) {
         self.is_grasped = true;
         self.has_closed |= matches!(state.jaws, Jaws::Closing | Jaws::Holding);
-        self.grasped_mm = self.grasped_mm.into_iter().chain(state.opening_mm).reduce(f64::min);
+        self.grasped_mm = state.opening_mm.or(self.grasped_mm);
     }
 
     fn forget_grasp(&mut self) {
@@ -132,6 +132,8 @@ mod tests {
             (&[at(Jaws::Stopped, 110.0, 6.0), at(Jaws::Open, 110.0, 6.0)], false),
             (&[at(Jaws::Holding, 104.0, 8.0), at(Jaws::Stopped, 104.0, 8.0), at(Jaws::Open, 104.0, 8.0)], true),
             (&[at(Jaws::Holding, 104.0, 8.0), at(Jaws::Open, 109.0, 6.0)], false),
+            // A soft object that gives way less after the force was lowered, then a fast stop and its acknowledgement.
+            (&[at(Jaws::Holding, 30.0, 40.0), at(Jaws::Holding, 33.0, 20.0), at(Jaws::Open, 33.0, 20.0)], true),
             (&[at(Jaws::Open, 100.0, 6.0), at(Jaws::Closing, 99.5, 6.0), at(Jaws::Open, 100.0, 6.0)], false),
             (&[set_to(30.0, at(Jaws::Open, 60.0, 4.0))], false), // opened by an earlier program
             (&[set_to(20.0, at(Jaws::Open, 50.0, 20.0))], true),

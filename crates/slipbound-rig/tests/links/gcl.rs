@@ -231,16 +231,6 @@ fn a_fast_stop_is_not_blamed_on_a_link_that_was_lost_without_latching_one() {
     assert!(message.contains("our last link to it was cut"), "{message}");
 }
 
-/// A driver, and a scripted gripper that answers questions from `state`.
-struct Scripted {
-    driver: Driver,
-    now_ns: u64,
-    /// GRIPSTATE.
-    state: u8,
-    /// Time between two rounds of the loop.
-    tick_ms: u64,
-}
-
 /// A sensor without a reading.
 #[test]
 fn a_force_that_is_no_number_is_unknown_and_delays_no_question() {
@@ -258,55 +248,6 @@ fn a_force_that_is_no_number_is_unknown_and_delays_no_question() {
     let state = driver.state(400 * MS).expect("there");
     assert_eq!((state.force_n, state.opening_mm, state.jaws), (None, Some(0.0), Jaws::Open));
     assert!(rounds_count >= 12, "{rounds_count} rounds of 33 ms");
-}
-
-impl Scripted {
-    /// 20 N were requested, and GRIP was sent.
-    fn gripping() -> Self {
-        let mut driver = driver("gcl", config("gcl"));
-        driver.linked(0);
-        let mut scripted = Scripted { driver, now_ns: 0, state: 0, tick_ms: 1 };
-        scripted.run(200);
-        scripted.grip();
-        assert!(scripted.run(100), "GRIP is sent");
-        scripted
-    }
-
-    fn grip(&mut self) {
-        let request = Request::Grip(GripCommand::Hold { force_n: 20.0 });
-        self.driver.request(self.now_ns, request).expect("taken over");
-    }
-
-    fn say(&mut self, line: &str) {
-        self.driver.receive(self.now_ns, format!("{line}\n").as_bytes());
-    }
-
-    /// Answers questions for this many ms; returns whether a GRIP was among what was sent.
-    fn run(&mut self, ms: u64) -> bool {
-        let mut is_gripping = false;
-        for _ in 0..ms.div_ceil(self.tick_ms) {
-            self.now_ns += self.tick_ms * MS;
-            self.driver.tick(self.now_ns);
-            let sent = String::from_utf8(std::mem::take(self.driver.outgoing())).expect("ASCII");
-            for line in sent.lines() {
-                match line.strip_suffix('?') {
-                    Some("POS") => self.say("POS=110.00"),
-                    Some("FORCE") => self.say("FORCE=0.00"),
-                    Some(name) => self.say(&format!("{name}={}", self.state)),
-                    None => is_gripping |= line.starts_with("GRIP"),
-                }
-            }
-        }
-        is_gripping
-    }
-
-    /// The error that the driver reports within this many ms, while questions are answered.
-    fn error_within(&mut self, ms: u64) -> Option<String> {
-        (0..ms).find_map(|_| {
-            self.run(1);
-            self.driver.state(self.now_ns).err().map(|error| error.to_string())
-        })
-    }
 }
 
 /// A question that is answered with an error; the command that waited for it is sent all the same.
@@ -395,90 +336,13 @@ fn a_release_that_failed_under_way_is_given_again_and_one_that_somebody_aborted_
 }
 
 #[test]
-fn a_grip_that_fails_while_the_gripper_is_idle_is_told_at_once_with_its_reason() {
-    for (answers, said) in [
-        (&["ERR GRIP 18"][..], "status 18, command failed"),
-        (&["ERR GRIP E_CMD_FAILED"], "status 18, command failed"),
-        (&["ERR GRIP 19"], "status 19, aborted"),
-        (&["ERR GRIP E_JAWS_COLD"], "\"E_JAWS_COLD\""),
-        (&["ACK GRIP", "ERR GRIP 18"], "status 18, command failed"),
-        (&["ACK GRIP", "ERR 18"], "status 18, command failed"),
-        (&["ACK GRIP", "ERR GRIP 19"], "status 19, aborted"),
-        (&["ACK GRIP", "ERR GRIP 4"], "status 4, another motion is under way"),
-    ] {
-        let mut scripted = Scripted::gripping();
-        for answer in answers {
-            scripted.say(answer);
-        }
-        let error = scripted.error_within(250).unwrap_or_else(|| panic!("{answers:?}: nothing told"));
-        assert!(error.contains("expected GRIP to be done") && error.contains(said), "{answers:?}: {error}");
-        assert!(scripted.error_within(1000).is_none() && !scripted.driver.is_busy(), "{answers:?}: told once");
-        assert!(!scripted.run(500), "{answers:?}: not given again by itself");
-        scripted.grip();
-        assert!(scripted.run(100), "{answers:?}: the same force asked for again is sent again");
-    }
-}
-
-#[test]
-fn a_grip_that_fails_says_its_reason_even_where_the_state_never_changes() {
-    let mut scripted = Scripted::gripping();
-    scripted.state = 1; // grasping, for good
-    scripted.say("ACK GRIP");
-    scripted.say("ERR GRIP 18");
-    let error = scripted.error_within(700).expect("told");
-    assert!(error.contains("status 18, command failed"), "{error}");
-    // However slow the loop is.
-    let mut scripted = Scripted { tick_ms: 7, ..Scripted::gripping() };
-    scripted.state = 1;
-    scripted.say("ACK GRIP");
-    scripted.say("ERR GRIP 18");
-    assert!(scripted.error_within(700).is_some());
-}
-
-#[test]
-fn a_grip_that_found_nothing_is_no_error_nor_one_that_our_own_stop_ended() {
-    let mut scripted = Scripted::gripping();
-    scripted.state = 1;
-    scripted.say("ACK GRIP");
-    scripted.run(50);
-    scripted.say("ERR GRIP 18");
-    scripted.run(100);
-    scripted.state = 2;
-    assert_eq!(scripted.error_within(1000), None);
-    assert_eq!(scripted.driver.state(scripted.now_ns).expect("there").jaws, Jaws::Nothing);
-
-    // The end of the stopped motion may be reported before the answer to STOP, or after it.
-    for answers in [["ERR GRIP 19", "ACK STOP"], ["ACK STOP", "ERR GRIP 19"]] {
-        let mut scripted = Scripted::gripping();
-        scripted.say("ACK GRIP");
-        scripted
-            .driver
-            .request(scripted.now_ns, Request::Grip(GripCommand::Hold { force_n: 30.0 }))
-            .expect("taken over");
-        scripted.run(60); // STOP is sent
-        for answer in answers {
-            scripted.say(answer);
-        }
-        scripted.run(60); // GRIP is sent
-        scripted.say("ACK GRIP");
-        assert_eq!(scripted.error_within(600), None, "{answers:?}");
-        assert_eq!(scripted.driver.state(scripted.now_ns).expect("there").target_n, Some(30.0), "{answers:?}");
-    }
-}
-
-/// A command that waits for the end of a motion is not sent if the gripper has stopped itself meanwhile.
-#[test]
-fn a_motion_that_ends_in_a_fast_stop_leaves_nothing_to_be_done() {
-    let mut scripted = Scripted::gripping();
-    scripted.say("ACK GRIP");
-    scripted.run(100);
-    scripted.now_ns += 100 * MS;
-    scripted.driver.tick(scripted.now_ns); // a question is on its way
-    let harder = Request::Grip(GripCommand::Hold { force_n: 30.0 });
-    scripted.driver.request(scripted.now_ns, harder).expect("taken over");
-    assert!(scripted.driver.outgoing().ends_with(b"?\n"), "only the question");
-    scripted.say("ERR GRIP 16");
-    assert!(scripted.error_within(100).is_some_and(|error| error.contains("status 16")));
-    scripted.run(1000);
-    assert!(!scripted.driver.is_busy());
+fn what_the_old_link_told_is_not_known_on_a_new_one() {
+    let mut bench = Bench::holding("gcl", config("gcl"), "", 20.0);
+    let now_ns = bench.now_ns();
+    let driver = &mut bench.driver;
+    driver.unlinked(now_ns, "cut");
+    driver.linked(now_ns);
+    driver.receive(now_ns, b"@SPEED=0.00\n"); // it is there
+    let state = driver.state(now_ns).expect("it is there");
+    assert_eq!((state.opening_mm, state.force_n, state.jaws), (None, None, Jaws::Unknown));
 }

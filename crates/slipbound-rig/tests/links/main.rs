@@ -10,6 +10,7 @@ mod foreign;
 mod foreign_robotiq;
 mod foreign_weiss;
 mod gcl;
+mod gcl_motion;
 mod home;
 mod line;
 mod mjpeg_http;

@@ -5,7 +5,7 @@ use crate::client::modbus;
 use slipbound::port::{GripCommand, Jaws};
 use slipbound_rig::gripper::config::{Config, Lowering};
 use slipbound_rig::gripper::robotiq::rtu;
-use slipbound_rig::gripper::{Error, Request};
+use slipbound_rig::gripper::{Driver, Error, Request};
 use slipbound_rig::link::Endpoint;
 
 const BOTH: [&str; 2] = ["robotiq-rtu", "robotiq"];
@@ -352,4 +352,52 @@ fn a_gripper_that_does_not_tell_its_force_tells_its_jaws() {
         seen.dedup();
         assert_eq!(seen, [Jaws::Unknown, Jaws::Holding, Jaws::Lost], "{force:?}");
     }
+}
+
+/// Some do not tell it at all; this one stops after 2 s.
+#[test]
+fn a_position_that_is_not_told_is_not_known() {
+    let mut driver = driver("robotiq", allowing());
+    driver.linked(0);
+    let mut seen = Vec::new();
+    for ms in 0..4000u64 {
+        driver.tick(ms * MS);
+        let asked = std::mem::take(driver.outgoing());
+        match &asked[..] {
+            b"GET POS\n" if !(1000..2000).contains(&ms) => {}
+            _ => driver.receive(ms * MS, &answer("robotiq", &asked, 3, 2, 0)),
+        }
+        let state = driver.state(ms * MS).expect("there");
+        seen.push((state.jaws, state.opening_mm.map(|mm| mm.round())));
+    }
+    seen.dedup();
+    let told = seen.iter().find_map(|(_, mm)| *mm);
+    let holding = |opening_mm| (Jaws::Holding, opening_mm);
+    assert_eq!(seen, [(Jaws::Unknown, None), holding(None), holding(told), holding(None)]);
+    assert!(told.is_some());
+}
+
+#[test]
+fn what_is_held_is_not_known_on_a_new_link_before_the_first_status() {
+    let mut driver = driver("robotiq", allowing());
+    let mut now_ms = 0;
+    // Answers everything for half a second; jaws at the end of their way say so by 3.
+    let mut run = |driver: &mut Driver, object: u8| {
+        for _ in 0..500 {
+            now_ms += 1;
+            driver.tick(now_ms * MS);
+            let asked = std::mem::take(driver.outgoing());
+            driver.receive(now_ms * MS, &answer("robotiq", &asked, 3, object, 0));
+        }
+        let state = driver.state(now_ms * MS).expect("there");
+        (state.jaws, state.opening_mm.is_some(), now_ms)
+    };
+    driver.linked(0);
+    assert_eq!(run(&mut driver, 2), (Jaws::Holding, true, 500));
+    driver.unlinked(500 * MS, "cut");
+    driver.linked(500 * MS);
+    driver.receive(500 * MS, b"STA 3\n");
+    let state = driver.state(500 * MS).expect("it is there");
+    assert_eq!((state.jaws, state.opening_mm), (Jaws::Unknown, None));
+    assert_eq!(run(&mut driver, 3), (Jaws::Lost, true, 1000), "it held before the link was lost");
 }

@@ -74,9 +74,21 @@ pub(super) struct Actuator {
 }
 
 impl Actuator {
-    /// The same at the start of a new link.
-    pub fn relinked(&self, now_ns: u64) -> Self {
-        Actuator { has_held: self.has_held, status_ns: now_ns, ..Actuator::default() }
+    /// The same at the start of a new link, on which nothing has been told yet.
+    pub fn relinked(&self, driver: &mut DriverState) -> Self {
+        let has_held = self.held_so_far(driver.gripper.jaws);
+        (driver.gripper.jaws, driver.gripper.opening_mm) = (Jaws::Unknown, None);
+        Actuator { has_held, status_ns: driver.now_ns(), ..Actuator::default() }
+    }
+
+    /// Whether something has been held, these jaws included, and they have been closed or closing ever since. Jaws of
+    /// which nothing is known, on a new link, change nothing.
+    fn held_so_far(&self, jaws: Jaws) -> bool {
+        match jaws {
+            Jaws::Holding | Jaws::Lost => true,
+            Jaws::Closing | Jaws::Unknown => self.has_held,
+            Jaws::Nothing | Jaws::Open | Jaws::Stopped => false,
+        }
     }
 
     /// Takes a status, which was requested after everything that was sent before. Returns whether earlier commands no
@@ -104,13 +116,9 @@ impl Actuator {
         }
         self.is_homing &= !(status.is_active() && self.goal == Goal::Keep);
         driver.gripper.time_ns = driver.now_ns();
-        self.has_held = match driver.gripper.jaws {
-            Jaws::Holding | Jaws::Lost => true,
-            Jaws::Closing => self.has_held,
-            _ => false,
-        };
+        self.has_held = status.is_active() && self.held_so_far(driver.gripper.jaws);
         driver.gripper.jaws = status.jaws(self.has_held);
-        driver.gripper.opening_mm = Some(driver.config.opening_of_count(status.position));
+        driver.gripper.opening_mm = status.position.map(|count| driver.config.opening_of_count(count));
         has_begun || has_restarted || (is_deactivating && !has_deactivated)
     }
 

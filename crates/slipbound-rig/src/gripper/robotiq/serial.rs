@@ -94,7 +94,7 @@ impl Serial {
 
 impl Protocol for Serial {
     fn linked(&mut self, driver: &mut DriverState) {
-        *self = Serial { actuator: self.actuator.relinked(driver.now_ns()), ..Serial::default() };
+        *self = Serial { actuator: self.actuator.relinked(driver), ..Serial::default() };
     }
 
     fn receive(&mut self, driver: &mut DriverState, bytes: &[u8]) {

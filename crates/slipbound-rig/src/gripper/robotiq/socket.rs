@@ -42,8 +42,9 @@ pub struct Socket {
     status: Status,
     /// Which of [`QUESTIONS`] have been answered in this round; None between two rounds.
     is_heard: Option<[bool; QUESTIONS.len()]>,
-    /// How many rounds in a row gave no status.
+    /// How many rounds in a row gave no status, and how many no position.
     misses_count: u32,
+    position_misses_count: u32,
     question: usize,
     round_ns: Option<u64>,
     /// Whether a round has ended since the force that it is set to was last asked for.
@@ -99,12 +100,16 @@ impl Socket {
     }
 
     /// A status is made of the answers of one round: answers from before and after a command together could look as if
-    /// the jaws had arrived and found nothing. Without a fault or a position the previous one stays.
+    /// the jaws had arrived and found nothing. Without a fault the previous one stays, and so does the position once.
     fn end_round(&mut self, driver: &mut DriverState) {
         let Some(is_heard) = self.is_heard.take() else { return };
         self.may_ask_force = true;
-        let is_whole =
-            QUESTIONS.iter().zip(is_heard).all(|(name, is_heard)| is_heard || matches!(*name, "POS" | "FLT"));
+        let is_missed = |name: &str| QUESTIONS.iter().zip(is_heard).any(|(asked, heard)| *asked == name && !heard);
+        let is_whole = !["STA", "OBJ", "PRE"].into_iter().any(is_missed);
+        self.position_misses_count = if is_missed("POS") { self.position_misses_count + 1 } else { 0 };
+        if self.position_misses_count >= MISSES_COUNT {
+            self.status.position = None;
+        }
         self.misses_count = if is_whole { 0 } else { self.misses_count + 1 };
         if is_whole && self.actuator.take_status(driver, self.status) {
             self.done = Goal::Keep;
@@ -183,7 +188,7 @@ impl Socket {
             "STA" if value <= 3 => self.status.activation = value,
             "OBJ" if value <= 3 => self.status.object = value,
             "PRE" => self.status.position_asked = value,
-            "POS" => self.status.position = value,
+            "POS" => self.status.position = Some(value),
             "FLT" => self.status.fault = value & 0xF,
             "FOR" => driver.settle_target(driver.config.force_of_count(value)),
             _ => return false,
@@ -220,7 +225,7 @@ fn number(name: &str, text: &str) -> Option<u8> {
 impl Protocol for Socket {
     fn linked(&mut self, driver: &mut DriverState) {
         let Socket { received_ns, ends_lines, .. } = *self;
-        let actuator = self.actuator.relinked(driver.now_ns());
+        let actuator = self.actuator.relinked(driver);
         *self = Socket { received_ns, ends_lines, actuator, ..Socket::default() };
     }
 

@@ -34,8 +34,8 @@ pub(crate) struct Status {
     pub fault: u8,
     /// gPR: requested position, 255 is closed.
     pub position_asked: u8,
-    /// gPO: position, 255 is closed.
-    pub position: u8,
+    /// gPO: position, 255 is closed; None while it is not told.
+    pub position: Option<u8>,
 }
 
 impl Status {
@@ -46,7 +46,7 @@ impl Status {
             object: bytes[0] >> 6,
             fault: bytes[2] & 0xF,
             position_asked: bytes[3],
-            position: bytes[4],
+            position: Some(bytes[4]),
         }
     }
 
