@@ -44,7 +44,8 @@ pub struct Wsg50 {
     owed_count: u32,
     /// Since when the gripper is asked for its limit, after which no such answer can come, ns.
     verifying_ns: Option<u64>,
-    /// Whether a limit was set during a grasp, or with nothing held: whether the jaws have it is not known.
+    /// Whether a limit was set during a grasp, with nothing held, or with an unknown force: whether the jaws have it is
+    /// not known.
     is_limit_untried: bool,
     /// How a change of force last reached the jaws, as reported.
     force_path: Option<&'static str>,
@@ -105,12 +106,17 @@ impl Wsg50 {
             _ if self.telemetry.limit_own_n != Some(own_n) => self.approach_limit(driver, own_n),
             Phase::Idle | Phase::Opened => self.give_grasp(driver),
             Phase::Following { from_n, to_n, until_ns } => self.check_following(driver, from_n, to_n, until_ns),
-            Phase::Grasped if self.is_limit_untried && self.telemetry.is_holding() => {
+            Phase::Grasped if self.may_try_limit(driver) => {
                 self.is_limit_untried = false;
                 self.follow(driver, own_n);
             }
             Phase::Grasping { .. } | Phase::Grasped => {}
         }
+    }
+
+    /// Whether it can be seen now if the force follows a limit that was set when it could not.
+    fn may_try_limit(&self, driver: &DriverState) -> bool {
+        self.is_limit_untried && self.telemetry.is_holding() && driver.gripper.force_n.is_some()
     }
 
     fn give_grasp(&mut self, driver: &mut DriverState) {
@@ -142,6 +148,8 @@ impl Wsg50 {
         match self.phase {
             Phase::Opening { .. } | Phase::Opened => {}
             Phase::Grasping { .. } => self.send(driver, Command::Stop, &[]),
+            // Whether it still holds what it held before it was stopped, the next state tells.
+            Phase::Idle if self.telemetry.is_grasp_old && self.telemetry.is_holding() => {}
             Phase::Idle | Phase::Homing { .. } | Phase::Grasped | Phase::Following { .. } => {
                 let command = if self.telemetry.is_holding() { Command::Release } else { Command::Move };
                 self.phase = Phase::Opened;
@@ -157,11 +165,15 @@ impl Wsg50 {
             (self.phase, self.is_limit_untried) = (Phase::Grasped, true);
             return;
         }
-        let measured_n = driver.gripper.force_n.unwrap_or(from_n);
+        // Neither a force that is not told nor one from before a stall shows that the limit has no effect.
+        let Some(measured_n) = driver.gripper.force_n else {
+            (self.phase, self.is_limit_untried) = (Phase::Grasped, true);
+            return;
+        };
         if (measured_n - to_n).abs() <= 0.5 * (from_n - to_n).abs() {
             self.phase = Phase::Grasped;
             self.report_path(driver, "setting the force limit alone");
-        } else if driver.now_ns() >= until_ns {
+        } else if self.telemetry.force_told_ns() >= until_ns {
             let moved_n = (measured_n - from_n) * (to_n - from_n).signum();
             if driver.config.force_change == ForceChange::Auto && moved_n >= FOLLOWS_FROM_N {
                 // The force follows a limit that keeps changing.
@@ -260,7 +272,8 @@ impl Wsg50 {
 
     fn take_limit(&mut self, driver: &mut DriverState, own_n: f64) {
         self.telemetry.set_limit(driver, own_n);
-        match (self.phase.is_grasp_given(), self.telemetry.is_holding()) {
+        let is_seen = self.telemetry.is_holding() && driver.gripper.force_n.is_some();
+        match (self.phase.is_grasp_given(), is_seen) {
             (true, true) => self.follow(driver, own_n),
             (true, false) => self.is_limit_untried = true,
             (false, _) => {}

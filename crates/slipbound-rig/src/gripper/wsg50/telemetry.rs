@@ -40,12 +40,21 @@ impl Telemetry {
         Telemetry { told_ns: [now_ns; STATES.len()], is_opening_old, ..Telemetry::default() }
     }
 
+    /// When a state was last received, or the link made, ns.
+    fn told_ns(&self, id: u8) -> Option<u64> {
+        STATES.into_iter().zip(self.told_ns).find(|(state, _)| *state == id).map(|(_, told_ns)| told_ns)
+    }
+
+    /// The same for the force.
+    pub fn force_told_ns(&self) -> u64 {
+        self.told_ns(id::FORCE).unwrap_or(0)
+    }
+
     /// Since when a state has not been received, ns, if that is longer than the silence allowed and the answer to the
     /// request that follows it.
     fn untold_since_ns(&self, driver: &DriverState, id: u8) -> Option<u64> {
-        let told_ns = STATES.into_iter().zip(self.told_ns).find(|(state, _)| *state == id).map(|(_, told_ns)| told_ns);
         let most_ns = (driver.config.silence_ms + driver.config.reply_ms) * 1_000_000;
-        told_ns.filter(|told_ns| driver.now_ns().saturating_sub(*told_ns) > most_ns)
+        self.told_ns(id).filter(|told_ns| driver.now_ns().saturating_sub(*told_ns) > most_ns)
     }
 
     /// The same for what the jaws do.
