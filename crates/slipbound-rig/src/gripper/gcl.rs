@@ -7,16 +7,18 @@
 
 mod message;
 mod motion;
+mod questions;
 
 use super::config::Config;
 use super::driver_state::DriverState;
 use super::error::Error;
 use super::goal::Goal;
-use super::protocol::{MISSES_COUNT, Protocol};
+use super::protocol::Protocol;
 use super::wsg50::words::{LINK_CUT, grasp, status};
 use crate::link::{InFlight, Lines, write_line};
-use message::{Message, QUESTIONS, is_name, place};
+use message::{Message, QUESTIONS, is_name};
 use motion::Motion;
+use questions::Questions;
 use slipbound::port::{DriverEvent, GripCommand, Jaws};
 
 /// A grip that ended in an error, until the gripper's state shows the outcome.
@@ -30,19 +32,9 @@ struct FailedGrip {
 #[derive(Debug, Default)]
 pub struct Gcl {
     lines: Lines,
-    /// Which of [`QUESTIONS`] comes next, and when the first was last asked.
-    question: usize,
-    asked_ns: Option<u64>,
+    questions: Questions,
     /// Whether a question is due before the next grip after an answered one.
     asks_first: bool,
-    /// How often in a row each of [`QUESTIONS`] was not answered.
-    misses_count: [u32; QUESTIONS.len()],
-    /// What the gripper does with a part, one of [`grasp`].
-    grasp: Option<u8>,
-    /// When it last told that, or the link was made, ns.
-    grasp_ns: u64,
-    /// Whether that was before it was stopped.
-    is_grasp_old: bool,
     goal: Goal,
     in_flight: Option<InFlight<Message>>,
     motion: Option<Motion>,
@@ -105,38 +97,11 @@ impl Gcl {
         }
     }
 
-    /// The three questions one after the other, once per period. Returns whether one was due.
+    /// The next question. Returns whether one was due.
     fn ask(&mut self, driver: &mut DriverState) -> bool {
-        let now_ns = driver.now_ns();
-        if self.question == 0 {
-            let period_ns = driver.config.update_ms * 1_000_000;
-            if self.asked_ns.is_some_and(|asked_ns| now_ns.saturating_sub(asked_ns) < period_ns) {
-                return false;
-            }
-            self.asked_ns = Some(now_ns);
-        }
-        let name = QUESTIONS[self.question];
-        self.question = (self.question + 1) % QUESTIONS.len();
+        let Some(name) = self.questions.next_due(driver) else { return false };
         self.send(driver, Message::Question(name), &format!("{name}?"));
         true
-    }
-
-    /// The state of the jaws, out of turn.
-    fn ask_for_grasp(&mut self, driver: &mut DriverState) {
-        self.question = place("GRIPSTATE");
-        self.ask(driver);
-    }
-
-    /// A question was not answered. One answer may be lost; after that the value is not known.
-    fn miss(&mut self, driver: &mut DriverState, name: &str) {
-        let misses_count = &mut self.misses_count[place(name)];
-        *misses_count += 1;
-        match name {
-            _ if *misses_count < MISSES_COUNT => {}
-            "POS" => driver.gripper.opening_mm = None,
-            "FORCE" => driver.gripper.force_n = None,
-            _ => self.is_grasp_old = false,
-        }
     }
 
     fn take(&mut self, driver: &mut DriverState, line: Option<&str>) {
@@ -182,48 +147,35 @@ impl Gcl {
         if is_answer {
             self.take_in_flight(name);
         }
-        driver.gripper.time_ns = driver.now_ns();
-        self.misses_count[place(name)] = 0;
-        match name {
-            "POS" => driver.gripper.opening_mm = Some(number).filter(|mm| (-10.0..=1000.0).contains(mm)),
-            "FORCE" => driver.gripper.force_n = driver.config.from_own_n(number),
-            _ => {
-                (self.grasp_ns, self.is_grasp_old) = (driver.now_ns(), false);
-                self.grasp = (0.0..=7.0).contains(&number).then_some(number as u8);
-                if self.grasp.is_some_and(|grasp| grasp != grasp::ERROR) && !self.is_stopped {
-                    driver.forget_lost_link(); // it has latched nothing
-                }
-                if let Some(force_n) = self.gripped_before_n.take().filter(|_| self.is_holding()) {
-                    self.gripped_n = Some(force_n);
-                }
-                self.end_untold_motion(driver);
-                if self.grasp != Some(grasp::GRASPING) {
-                    self.report_failed_grip(driver);
-                }
-            }
+        self.questions.take(driver, name, Some(number));
+        if name == "GRIPSTATE" {
+            self.take_grasp(driver);
         }
         driver.gripper.jaws = self.jaws();
     }
 
-    fn jaws(&self) -> Jaws {
-        if self.is_stopped { Jaws::Stopped } else { grasp::jaws(self.grasp) }
+    /// A new state of the jaws.
+    fn take_grasp(&mut self, driver: &mut DriverState) {
+        let grasp = self.questions.grasp;
+        if grasp.is_some_and(|grasp| grasp != grasp::ERROR) && !self.is_stopped {
+            driver.forget_lost_link(); // it has latched nothing
+        }
+        if let Some(force_n) = self.gripped_before_n.take().filter(|_| self.is_holding()) {
+            self.gripped_n = Some(force_n);
+        }
+        self.end_untold_motion(driver);
+        if grasp != Some(grasp::GRASPING) {
+            self.report_failed_grip(driver);
+        }
     }
 
-    /// A state that it cannot tell is not known.
-    fn take_no_value(&mut self, driver: &mut DriverState, name: &str) {
-        match name {
-            "POS" => driver.gripper.opening_mm = None,
-            "FORCE" => driver.gripper.force_n = None,
-            _ => {
-                (self.grasp, self.is_grasp_old) = (None, false);
-                driver.gripper.jaws = self.jaws();
-            }
-        }
+    fn jaws(&self) -> Jaws {
+        if self.is_stopped { Jaws::Stopped } else { grasp::jaws(self.questions.grasp) }
     }
 
     /// The end of a motion of which nothing was understood: the state of the jaws shows what became of it.
     fn end_untold_motion(&mut self, driver: &mut DriverState) {
-        let (grasp, now_ns, wait_ns) = (self.grasp, driver.now_ns(), driver.config.reply_ms * 1_000_000);
+        let (grasp, now_ns, wait_ns) = (self.questions.grasp, driver.now_ns(), driver.config.reply_ms * 1_000_000);
         let Some(motion) = self.motion.take_if(|motion| motion.has_ended(grasp, now_ns, wait_ns)) else { return };
         match (motion.name, grasp) {
             ("GRIP", Some(grasp::HOLDING | grasp::NO_PART | grasp::PART_LOST)) => {}
@@ -248,7 +200,7 @@ impl Gcl {
             }
             Message::Command("STOP") => {
                 self.stopped = self.motion.take().map(|motion| motion.name);
-                (self.gripped_n, self.is_release_given, self.is_grasp_old) = (None, false, true);
+                (self.gripped_n, self.is_release_given, self.questions.is_grasp_old) = (None, false, true);
             }
             Message::Command("FSACK") => {
                 (self.is_stopped, self.gripped_n, self.is_release_given) = (false, None, false);
@@ -258,7 +210,7 @@ impl Gcl {
         }
         if matches!(message.name(), "HOME" | "MOVE" | "GRIP" | "RELEASE") {
             self.is_unhomed = false;
-            self.motion = Some(Motion::new(message.name(), driver.now_ns(), self.grasp));
+            self.motion = Some(Motion::new(message.name(), driver.now_ns(), self.questions.grasp));
         }
     }
 
@@ -282,7 +234,9 @@ impl Gcl {
         let ends_motion = is_aborted && self.motion.is_some_and(|motion| motion.name == name);
         let sent = if ends_motion { None } else { self.take_in_flight(name) };
         if let Some(Message::Question(name)) = sent {
-            return self.take_no_value(driver, name);
+            self.questions.take(driver, name, None);
+            driver.gripper.jaws = self.jaws();
+            return;
         }
         let name = match sent {
             Some(message) => {
@@ -334,7 +288,7 @@ impl Gcl {
     /// A failed grip was refused, unless the state shows that no part was found or that it was lost.
     fn report_failed_grip(&mut self, driver: &mut DriverState) {
         let Some(failed) = self.failed_grip.take() else { return };
-        if !matches!(self.grasp, Some(grasp::NO_PART | grasp::PART_LOST)) {
+        if !matches!(self.questions.grasp, Some(grasp::NO_PART | grasp::PART_LOST)) {
             self.refuse_grip(driver, failed.why);
         }
     }
@@ -371,7 +325,7 @@ impl Gcl {
     }
 
     fn is_holding(&self) -> bool {
-        self.grasp == Some(grasp::HOLDING) && !self.is_grasp_old
+        self.questions.grasp == Some(grasp::HOLDING) && !self.questions.is_grasp_old
     }
 
     fn why_stopped(&self, driver: &DriverState) -> String {
@@ -390,7 +344,7 @@ impl Protocol for Gcl {
         let gripped_before_n = self.gripped_n.or(self.gripped_before_n);
         let Gcl { is_in_doubt, has_commanded, is_stopped, is_unhomed, is_regrip_refused, .. } = *self;
         *self = Gcl {
-            grasp_ns: driver.now_ns(),
+            questions: Questions::new(driver.now_ns()),
             gripped_before_n,
             is_in_doubt,
             has_commanded,
@@ -414,7 +368,7 @@ impl Protocol for Gcl {
         {
             None => {}
             // It is asked again in turn; silence is reported separately.
-            Some(Message::Question(name)) => self.miss(driver, name),
+            Some(Message::Question(name)) => self.questions.miss(driver, name),
             // It may have arrived: the same request is sent again when repeated.
             Some(message) => {
                 (self.goal, self.is_in_doubt, self.is_release_given) = (Goal::Keep, true, false);
@@ -456,7 +410,10 @@ impl Protocol for Gcl {
             Goal::Open if !self.is_stopped && !self.is_release_given => match moving {
                 Some("GRIP") => self.command(driver, "STOP"),
                 // What it held before it was stopped decides nothing.
-                _ if self.is_grasp_old => self.ask_for_grasp(driver),
+                _ if self.questions.is_grasp_old => {
+                    self.questions.put_grasp_first();
+                    self.ask(driver);
+                }
                 _ => self.open(driver),
             },
             _ => {
@@ -469,7 +426,7 @@ impl Protocol for Gcl {
         if self.is_stopped {
             return Err(Error::FastStop { address: driver.address(), why: self.why_stopped(driver) });
         }
-        if self.grasp.is_none() {
+        if self.questions.grasp.is_none() {
             return Err(Error::NotReady { address: driver.address(), expected: "whether it holds something" });
         }
         Ok(())
@@ -520,7 +477,7 @@ impl Protocol for Gcl {
     }
 
     fn jaws_untold_since_ns(&self, _driver: &DriverState) -> Option<u64> {
-        (self.misses_count[place("GRIPSTATE")] >= MISSES_COUNT).then_some(self.grasp_ns)
+        self.questions.grasp_untold_since_ns()
     }
 
     fn is_busy(&self, driver: &DriverState) -> bool {
@@ -531,7 +488,7 @@ impl Protocol for Gcl {
             Goal::Home | Goal::Acknowledge => true,
         };
         let is_answered = self.in_flight.as_ref().is_none_or(|sent| matches!(sent.message, Message::Question(_)));
-        let is_new = driver.is_linked() && self.grasp.is_none();
+        let is_new = driver.is_linked() && self.questions.grasp.is_none();
         is_new || is_on_the_way || self.motion.is_some() || !is_answered
     }
 }

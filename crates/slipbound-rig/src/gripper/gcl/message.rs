@@ -3,11 +3,6 @@
 /// Questions, asked in turn.
 pub(super) const QUESTIONS: [&str; 3] = ["POS", "FORCE", "GRIPSTATE"];
 
-/// The place of one of these.
-pub(super) fn place(question: &str) -> usize {
-    QUESTIONS.iter().position(|known| *known == question).expect("one of them")
-}
-
 /// A message to the gripper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Message {
