@@ -111,6 +111,10 @@ impl CheckHold {
             Jaws::Open | Jaws::Closing | Jaws::Unknown if self.changes_count == 0 && waited_ns < GRASP_NS => {
                 return Step::Wait;
             }
+            // It presses anew what it holds.
+            Jaws::Closing if self.holding_ns.is_some() && waited_ns < SETTLE_NS => {
+                return self.watch(state).map_or(Step::Wait, failed);
+            }
             jaws if self.holding_ns.is_none() => {
                 return failed(format!("expected something between the jaws to hold, got jaws {}", jaws.name()));
             }
@@ -134,7 +138,7 @@ impl CheckHold {
             let got = state.target_n.map_or("an unknown force".into(), |target_n| format!("{target_n} N"));
             return failed(format!("expected {asked_n} N to be taken over, got {got}"));
         }
-        self.held_mm = self.held_mm.or(state.opening_mm).or(Some(0.0));
+        self.held_mm = self.held_mm.or(state.opening_mm);
         self.changes_count += 1;
         if self.changes_count > 2 * ROUNDS_COUNT {
             return Step::Done(Verdict::Held { least_n: self.least_n, opened_mm: self.opened_mm });
@@ -144,7 +148,9 @@ impl CheckHold {
 
     /// What is wrong while the force changes.
     fn watch(&mut self, state: &GripperState) -> Option<String> {
-        self.held_mm?; // not before the first grasp has settled
+        if self.changes_count == 0 {
+            return None; // not before the first grasp has settled
+        }
         if let Some(force_n) = state.force_n {
             let least_n = self.least_n.map_or(force_n, |least_n| least_n.min(force_n));
             self.least_n = Some(least_n);
@@ -226,6 +232,37 @@ mod tests {
             }
         }
         unreachable!("the trial ends");
+    }
+
+    /// The verdict on jaws that report `closing` for so long after each new force, and tell their opening from the
+    /// second force on.
+    fn verdict_while_closing(closing_ms: u64) -> Verdict {
+        let (mut trial, mut target_n, mut since_ms) = (CheckHold::new(20.0, 30.0), 20.0, 0);
+        for ms in (0..40_000u64).step_by(20) {
+            let state = GripperState {
+                time_ns: ms * 1_000_000,
+                force_n: None,
+                force_error_n: None,
+                target_n: Some(target_n),
+                opening_mm: (trial.changes_count > 0).then_some(50.0),
+                jaws: if ms - since_ms < closing_ms { Jaws::Closing } else { Jaws::Holding },
+            };
+            match trial.step(state.time_ns, &state) {
+                Step::Command(command) => (target_n, since_ms) = (command.force_n().expect("a hold"), ms),
+                Step::Wait => {}
+                Step::Done(verdict) => return verdict,
+            }
+        }
+        unreachable!("the trial ends");
+    }
+
+    /// As a 2F-85 does, of which an answer may be lost.
+    #[test]
+    fn jaws_that_press_anew_and_an_opening_told_late_are_held() {
+        let held = verdict_while_closing(300);
+        assert!(matches!(held, Verdict::Held { opened_mm: Some(0.0), .. }), "{held:?}");
+        let long = verdict_while_closing(30_000);
+        assert!(matches!(long, Verdict::Failed { .. }), "{long:?}");
     }
 
     #[test]

@@ -119,7 +119,7 @@ impl DriverState {
     }
 
     /// The opening to release to, mm: wider than the object, whatever the settings say, as far as the jaws go. It never
-    /// closes them.
+    /// closes them: where neither opening nor width is known, something held is released to the whole stroke.
     pub fn release_mm(&self) -> f64 {
         let Config { kind, open_mm, part_width_mm, .. } = self.config;
         // How far the jaws of a line gripper go is known only from the setting.
@@ -128,7 +128,9 @@ impl DriverState {
             return open_mm;
         }
         let room_mm = if self.seems_to_hold() { RELEASE_ROOM_MM } else { 0.0 };
-        let present_mm = self.gripper.opening_mm.map(|mm| mm + room_mm);
+        let is_unknown = part_width_mm.is_none() && kind != Kind::Line && self.seems_to_hold();
+        let widest_mm = is_unknown.then(|| self.config.stroke_mm());
+        let present_mm = self.gripper.opening_mm.map(|mm| mm + room_mm).or(widest_mm);
         let wider_mm = part_width_mm.map(|mm| mm + RELEASE_ROOM_MM).into_iter().chain(present_mm);
         wider_mm.fold(open_mm, f64::max).min(self.config.stroke_mm())
     }
@@ -209,6 +211,9 @@ impl DriverState {
 
     pub(super) fn set_time(&mut self, now_ns: u64) {
         self.now_ns = now_ns;
+        if self.garbled_count > 0 {
+            self.push_event(DriverEvent::Garbled { bytes_count: 0 }); // what is left, once it is due
+        }
     }
 
     pub(super) fn linked(&mut self) {

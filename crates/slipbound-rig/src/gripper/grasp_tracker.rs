@@ -2,7 +2,7 @@
 //! example, it presses without reporting that it holds. A force reading alone is no evidence: motors read a current
 //! with nothing between the jaws.
 
-use super::config::{Config, MOST_BIAS_N};
+use super::config::{Config, Kind, MOST_BIAS_N};
 use slipbound::port::{GripperState, Jaws};
 
 /// Least motion of the jaws that counts, mm.
@@ -37,6 +37,8 @@ impl GraspTracker {
                     self.idle_n += (force_n - self.idle_n) / f64::from(self.idle_count);
                 }
             }
+            // Nothing else tells whether these have opened.
+            Jaws::Open if tells_only_its_jaws(state, config) => self.forget_grasp(),
             // They press on what was grasped before the link was made: no idle reading is just as high.
             Jaws::Open if self.presses_as_set(state, config) => self.see_grasp(state),
             Jaws::Open | Jaws::Unknown => {}
@@ -46,7 +48,10 @@ impl GraspTracker {
     fn see_grasp(&mut self, state: &GripperState) {
         self.is_grasped = true;
         self.has_closed |= matches!(state.jaws, Jaws::Closing | Jaws::Holding);
-        self.grasped_mm = state.opening_mm.or(self.grasped_mm);
+        // Jaws that open may press as set for a moment more, by a reading that is late.
+        if state.jaws != Jaws::Open || self.grasped_mm.is_none() {
+            self.grasped_mm = state.opening_mm.or(self.grasped_mm);
+        }
     }
 
     fn forget_grasp(&mut self) {
@@ -91,10 +96,15 @@ impl GraspTracker {
     }
 }
 
+/// Whether the state of the jaws is all that is known. The text and binary interfaces of a WSG-50 may call jaws open
+/// that press, after an acknowledgement.
+fn tells_only_its_jaws(state: &GripperState, config: &Config) -> bool {
+    matches!(config.kind, Kind::Robotiq | Kind::Line) && state.opening_mm.is_none() && state.force_n.is_none()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gripper::config::Kind;
 
     fn at(jaws: Jaws, opening_mm: f64, force_n: f64) -> GripperState {
         GripperState {
@@ -134,6 +144,16 @@ mod tests {
             (&[at(Jaws::Holding, 104.0, 8.0), at(Jaws::Open, 109.0, 6.0)], false),
             // A soft object that gives way less after the force was lowered, then a fast stop and its acknowledgement.
             (&[at(Jaws::Holding, 30.0, 40.0), at(Jaws::Holding, 33.0, 20.0), at(Jaws::Open, 33.0, 20.0)], true),
+            // It opens, and the force reading is late.
+            (
+                &[
+                    set_to(20.0, at(Jaws::Holding, 50.0, 20.0)),
+                    set_to(20.0, at(Jaws::Open, 50.9, 20.0)),
+                    set_to(20.0, at(Jaws::Open, 51.8, 19.0)),
+                    set_to(20.0, at(Jaws::Open, 52.7, 18.0)),
+                ],
+                false,
+            ),
             (&[at(Jaws::Open, 100.0, 6.0), at(Jaws::Closing, 99.5, 6.0), at(Jaws::Open, 100.0, 6.0)], false),
             (&[set_to(30.0, at(Jaws::Open, 60.0, 4.0))], false), // opened by an earlier program
             (&[set_to(20.0, at(Jaws::Open, 50.0, 20.0))], true),

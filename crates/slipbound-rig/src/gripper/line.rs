@@ -143,7 +143,7 @@ impl LineGripper {
             (self.goal, self.done) = (Goal::Keep, Goal::Keep);
         }
         let force_n = |key| number_of(rest, key).and_then(|own_n| driver.config.from_own_n(own_n));
-        let (measured_n, target_n) = (force_n("force_n"), force_n("target_n"));
+        let (measured_n, target_n) = (force_n("force_n"), force_n("target_n").filter(|n| *n >= 0.0));
         driver.gripper.time_ns = driver.now_ns();
         driver.gripper.jaws = jaws;
         driver.gripper.force_n = measured_n;
@@ -162,7 +162,9 @@ impl LineGripper {
 
 impl Protocol for LineGripper {
     fn linked(&mut self, driver: &mut DriverState) {
-        driver.gripper.jaws = Jaws::Unknown; // until it says what they do now
+        // Until it says what they are now.
+        (driver.gripper.jaws, driver.gripper.opening_mm, driver.gripper.force_n) = (Jaws::Unknown, None, None);
+        driver.settle_target(None);
         *self = LineGripper { number: self.number, ..LineGripper::default() };
     }
 

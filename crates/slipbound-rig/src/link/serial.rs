@@ -31,6 +31,7 @@ impl Link for SerialLink {
     fn read(&mut self, into: &mut Vec<u8>) -> io::Result<usize> {
         let mut bytes = [0; 1024];
         match self.port.read(&mut bytes) {
+            Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()), // hung up: one that is quiet times out
             Ok(count) => {
                 into.extend_from_slice(&bytes[..count]);
                 Ok(count)
@@ -77,5 +78,21 @@ pub struct SerialConnector {
 impl Connector for SerialConnector {
     fn connect(&self) -> io::Result<Box<dyn Link>> {
         Ok(Box::new(SerialLink::new(SerialPort::open(&self.device, BAUD)?)?))
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_that_is_quiet_is_not_one_that_has_hung_up() {
+        let terminal = PseudoTerminal::new().expect("a pseudo-terminal");
+        let port = SerialPort::open(&terminal.device, BAUD).expect("opens");
+        let (mut link, mut bytes) = (SerialLink::new(port).expect("a link"), Vec::new());
+        assert_eq!(link.read(&mut bytes).expect("nothing yet"), 0);
+        drop(terminal);
+        let said = link.read(&mut bytes);
+        assert!(said.is_err(), "{said:?}");
     }
 }

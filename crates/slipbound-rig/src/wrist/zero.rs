@@ -14,12 +14,17 @@ const UNSEEN_S: f64 = (SILENCE_MS as f64 * 1e6 + LONGEST_TIME_TO_LIVE_NS as f64)
 const SLACK_RAD: f64 = 0.05;
 const SLACK_MM: f64 = 1.0;
 
+/// A slower motion may not arrive, and the faster one before it go on.
+fn widen(most: &mut f64, rate_per_s: f64) {
+    *most = most.max(rate_per_s.abs() * UNSEEN_S);
+}
+
 /// Compares the first position after an interruption with the last one before it.
 #[derive(Debug, Default)]
 pub struct ZeroCheck {
     /// The last position before the interruption, until one continues it.
     before: Option<WristState>,
-    /// How far the last motions can go unreported when the link is lost: angle in rad and lowering in mm.
+    /// How far the fastest motions so far can go unreported when the link is lost: angle in rad and lowering in mm.
     most: [f64; 2],
 }
 
@@ -27,8 +32,8 @@ impl ZeroCheck {
     /// A motion is sent.
     pub fn commanded(&mut self, motion: WristMotion) {
         match motion {
-            WristMotion::Turn { rate_rad_per_s, .. } => self.most[0] = rate_rad_per_s.abs() * UNSEEN_S,
-            WristMotion::Lower { rate_mm_per_s, .. } => self.most[1] = rate_mm_per_s.abs() * UNSEEN_S,
+            WristMotion::Turn { rate_rad_per_s, .. } => widen(&mut self.most[0], rate_rad_per_s),
+            WristMotion::Lower { rate_mm_per_s, .. } => widen(&mut self.most[1], rate_mm_per_s),
             WristMotion::Pause => {} // it may not arrive
         }
     }

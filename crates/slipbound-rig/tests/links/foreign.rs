@@ -154,5 +154,9 @@ fn a_driver_stays_quiet_about_what_others_asked_for() {
     }
     let told = garbled(&mut driver);
     assert_eq!(told.len(), 3, "22 s of it: {told:?}");
-    assert_eq!(told.iter().sum::<usize>(), 12 * 1001);
+    driver.tick(1600 * 20 * MS);
+    assert_eq!(garbled(&mut driver), [0usize; 0], "not yet");
+    driver.tick(2200 * 20 * MS);
+    let rest = garbled(&mut driver);
+    assert_eq!((rest.len(), told.iter().sum::<usize>() + rest[0]), (1, 12 * 1100));
 }

@@ -4,6 +4,7 @@ use crate::bench::{Bench, MS, config, driver};
 use slipbound::plant::Plant;
 use slipbound::port::{GripCommand, Jaws, WristCommand, WristErrorKind, WristMotion};
 use slipbound_rig::emulator::{Block, Emulator, Faults, by_name};
+use slipbound_rig::gripper::config::{Config, Lowering};
 use slipbound_rig::gripper::{self, Request};
 use slipbound_rig::link::Endpoint;
 use slipbound_rig::wrist::{Error, LineWrist};
@@ -18,7 +19,39 @@ fn a_negative_target_is_no_force_and_on_a_new_link_the_jaws_are_unknown_until_th
     assert_eq!((state.jaws, state.force_n, state.target_n), (Jaws::Holding, Some(40.0), None));
     driver.linked(2 * MS);
     driver.receive(2 * MS, b"HELLO slipbound-line 1\n");
-    assert!(driver.state(3 * MS).map_or(Jaws::Unknown, |state| state.jaws) == Jaws::Unknown);
+    let state = driver.state(3 * MS).expect("it is there");
+    let known = (state.jaws, state.force_n, state.target_n, state.opening_mm);
+    assert_eq!(known, (Jaws::Unknown, None, None, None));
+}
+
+#[test]
+fn a_target_that_is_not_told_leaves_the_accepted_force() {
+    let mut driver = driver("line", Config { lowering: Lowering::Refuse, ..config("line") });
+    driver.linked(0);
+    driver.receive(0, b"HELLO slipbound-line 1\n");
+    let hold = |force_n| Request::Grip(GripCommand::Hold { force_n });
+    let run = |driver: &mut gripper::Driver, from_ms: u64| {
+        let mut sent = String::new();
+        for ms in from_ms..from_ms + 1000 {
+            driver.receive(ms * MS, b"GRIPPER jaws holding target_n -1\n");
+            driver.tick(ms * MS);
+            for line in String::from_utf8(std::mem::take(driver.outgoing())).expect("ASCII").lines() {
+                let (number, words) = line.split_once(' ').expect("a number");
+                driver.receive(ms * MS, format!("ACK {number} {words}\n").as_bytes());
+                sent += words;
+            }
+        }
+        (sent.matches("GRASP").count(), driver.state((from_ms + 1000) * MS).expect("there").target_n)
+    };
+    driver.permit_lowering(true);
+    run(&mut driver, 1);
+    driver.request(1001 * MS, hold(20.0)).expect("taken over");
+    driver.permit_lowering(false);
+    assert_eq!(run(&mut driver, 1001), (1, Some(20.0)));
+    driver.request(2001 * MS, hold(20.0)).expect("the force it has");
+    assert_eq!(run(&mut driver, 2001), (0, Some(20.0)));
+    driver.request(3001 * MS, hold(30.0)).expect("more");
+    assert_eq!(run(&mut driver, 3001), (1, Some(30.0)));
 }
 
 #[test]
@@ -289,6 +322,12 @@ fn a_wrist_that_counts_from_a_new_zero_is_a_fault_until_it_is_where_it_was() {
     assert!(text.contains("angle_rad within 0.2 of 0.06"), "{text}");
     assert_eq!(relinked(&mut arm, 0.2, 9.0).expect("where its last motion may have ended"), (0.2, 9.0));
     assert_eq!(relinked(&mut arm, 0.3, 9.0).expect("from there"), (0.3, 9.0));
+    // A slower motion that may not have arrived leaves the faster one before it.
+    arm.is_delivering = false;
+    arm.command(WristMotion::Lower { rate_mm_per_s: 0.5, most_mm: 3.0 }).expect("taken over");
+    assert_eq!(relinked(&mut arm, 0.3, 15.0).expect("where the faster one may have ended"), (0.3, 15.0));
+    arm.is_delivering = true;
+    assert_eq!(relinked(&mut arm, 0.3, 9.0).expect("back"), (0.3, 9.0));
     // A link on which it said nothing.
     arm.wrist.unlinked(arm.now_ns, "cut");
     arm.wrist.linked(arm.now_ns);
@@ -401,4 +440,14 @@ fn jaws_that_tell_no_opening_are_open_when_they_say_so() {
     bench.release().expect("taken over");
     run_terse(&mut bench, 3000);
     bench.request(Request::Home).expect("nothing is held");
+    // Nor is a grasp on open jaws a lower force on what they hold.
+    let mut bench = Bench::new("line", Config { lowering: Lowering::Refuse, ..config("line") }, "");
+    run_terse(&mut bench, 200);
+    for force_n in [20.0, 10.0] {
+        bench.grip(force_n).unwrap_or_else(|error| panic!("{force_n} N: {error}"));
+        run_terse(&mut bench, 3000);
+        assert_eq!(bench.state().expect("there").jaws, Jaws::Holding);
+        bench.release().expect("taken over");
+        run_terse(&mut bench, 3000);
+    }
 }

@@ -16,6 +16,7 @@ mod line;
 mod mjpeg_http;
 mod noise;
 mod robotiq;
+mod robotiq_home;
 mod sockets;
 mod tolerance;
 mod unanswered;

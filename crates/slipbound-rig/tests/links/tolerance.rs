@@ -269,6 +269,43 @@ fn a_robotiq_may_pause_before_the_end_of_its_line_and_read_nothing_meanwhile() {
     assert_eq!(driver.state(6000 * MS).expect("known").jaws, Jaws::Open);
 }
 
+/// Without line ends, but for one that came by chance, and with a pause in the acknowledgement.
+#[test]
+fn a_robotiq_that_ends_no_lines_may_end_one_and_pause_within_an_acknowledgement() {
+    let mut driver = driver("robotiq", config("robotiq"));
+    driver.linked(0);
+    let mut rest: Option<(u64, &[u8])> = None;
+    for now_ms in 0..12_000u64 {
+        driver.tick(now_ms * MS);
+        if let Some((_, bytes)) = rest.take_if(|(due_ms, _)| *due_ms == now_ms) {
+            driver.receive(now_ms * MS, bytes);
+        }
+        let asked = String::from_utf8(std::mem::take(driver.outgoing())).expect("ASCII");
+        let end = if (4000..4100).contains(&now_ms) { "\n" } else { "" };
+        match asked.trim().split_once(' ') {
+            Some(("GET", name)) => {
+                let value = match name {
+                    "STA" | "OBJ" => "3",
+                    "POS" => "117",
+                    "PRE" => "255",
+                    _ => "0",
+                };
+                driver.receive(now_ms * MS, format!("{name} {value}{end}").as_bytes());
+            }
+            Some(("SET", _)) => {
+                driver.receive(now_ms * MS, b"a");
+                rest = Some((now_ms + 100, b"ck"));
+            }
+            _ => {}
+        }
+        if now_ms == 2000 {
+            driver.request(now_ms * MS, Request::Grip(GripCommand::Hold { force_n: 30.0 })).expect("it tells its jaws");
+        }
+        driver.state(now_ms * MS).unwrap_or_else(|error| panic!("{now_ms} ms: {error}"));
+    }
+    assert_eq!(driver.state(12_000 * MS).expect("known").target_n.map(f64::round), Some(30.0));
+}
+
 /// Jaws commanded to close between two questions must not count as arrived, with nothing found, because of an earlier
 /// question.
 #[test]

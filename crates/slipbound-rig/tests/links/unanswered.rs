@@ -231,3 +231,18 @@ fn a_slow_gripper_whose_force_keeps_changing_tells_what_its_jaws_do() {
         }
     }
 }
+
+/// A 2F-85 that does not tell its position has opened when it says so. Nor does a release close on what it holds.
+#[test]
+fn a_gripper_that_no_longer_tells_its_opening_opens_wide_and_is_homed_after_a_release() {
+    let narrow = Config { part_width_mm: None, open_mm: 40.0, ..config("robotiq") };
+    let mut bench = Bench::holding("robotiq", narrow, "", 40.0);
+    let run = |bench: &mut Bench| (0..600).for_each(|_| step_without(bench, "GET POS\n"));
+    run(&mut bench);
+    assert!(matches!(bench.request(Request::Home), Err(Error::Refused { .. })));
+    bench.release().expect("taken over");
+    run(&mut bench);
+    let state = bench.state().expect("there");
+    assert_eq!((state.jaws, state.opening_mm, bench.plant.force_n), (Jaws::Open, None, 0.0));
+    bench.request(Request::Home).expect("open jaws hold nothing");
+}

@@ -96,7 +96,8 @@ impl Actuator {
     /// restart, or it has not deactivated.
     pub fn take_status(&mut self, driver: &mut DriverState, status: Status) -> bool {
         let fault_before = self.status.and_then(|status| status.fault_in_words());
-        let was_active = self.status.is_some_and(|status| status.is_active());
+        // Before the first status of a link it may have restarted as well.
+        let was_active = self.status.is_none_or(|status| status.is_active());
         let has_restarted = was_active && !status.is_active() && !self.is_homing;
         (self.status, self.status_ns) = (Some(status), driver.now_ns());
         let begun = status.fault_in_words().filter(|_| fault_before.is_none());
@@ -138,8 +139,13 @@ impl Actuator {
 
     /// What was sent for this goal was never answered.
     pub fn give_up(&mut self, driver: &mut DriverState, goal: Goal) {
-        self.goal = Goal::Keep;
+        self.abandon();
         driver.doubt_target(goal.force_n());
+    }
+
+    /// What was to be done is not done.
+    pub fn abandon(&mut self) {
+        (self.goal, self.is_homing) = (Goal::Keep, false);
     }
 
     pub fn check_ready(&self, driver: &DriverState) -> Result<(), Error> {

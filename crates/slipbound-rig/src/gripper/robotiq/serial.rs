@@ -82,7 +82,7 @@ impl Serial {
             }
             (Message::Read, Answer::Refused(code)) => driver.raise_refused("read", format!("Modbus exception {code}")),
             (Message::Write { .. }, Answer::Refused(code)) => {
-                self.actuator.goal = Goal::Keep;
+                self.actuator.abandon();
                 driver.raise_refused("write", format!("Modbus exception {code}"));
             }
             _ => return, // the answer to an abandoned request
@@ -159,7 +159,9 @@ impl Protocol for Serial {
     }
 
     fn home(&mut self, driver: &mut DriverState) -> Result<(), Error> {
-        self.actuator.home(driver)
+        self.actuator.home(driver)?;
+        self.outputs = None; // of an earlier homing: it is to be answered again
+        Ok(())
     }
 
     fn force_on_its_way(&self, _driver: &DriverState) -> Option<f64> {

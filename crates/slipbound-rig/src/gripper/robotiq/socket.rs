@@ -56,6 +56,8 @@ pub struct Socket {
     /// Whether a question is due before the next command that changes the force alone.
     asks_first: bool,
     in_flight: Option<InFlight<Message>>,
+    /// What came in place of the acknowledgement of the command in flight.
+    refusal: Option<String>,
 }
 
 impl Socket {
@@ -86,7 +88,7 @@ impl Socket {
             self.round_ns = Some(now_ns);
             // Not every gripper tells it: the rest is asked for all the same.
             let may_ask_force = std::mem::take(&mut self.may_ask_force) && self.actuator.is_known();
-            if may_ask_force && driver.gripper.target_n.is_none() {
+            if may_ask_force && (driver.gripper.target_n.is_none() || self.force_asked_count == 0) {
                 self.question = QUESTIONS.len();
             } else {
                 self.is_heard = Some(Default::default());
@@ -131,6 +133,8 @@ impl Socket {
         // A line end that is still to come belongs to the answer, and may take as long again.
         let is_endless = self.ends_lines == Some(false);
         let is_full = matches!(message, Message::Get(name) if is_endless && is_full(name, &self.buffer));
+        let may_be_acknowledged = matches!(message, Message::Set(_)) && ACKNOWLEDGED.starts_with(&self.buffer);
+        let is_quiet = is_quiet && !may_be_acknowledged;
         let is_whole = end.is_some() || is_quiet || is_acknowledged || is_full || self.buffer.len() > LONGEST;
         if self.buffer.is_empty() || !is_whole {
             return;
@@ -157,6 +161,9 @@ impl Socket {
         } else {
             if end.is_some() && matches!(message, Message::Get(_)) {
                 self.in_flight = None; // it is asked again in turn
+            }
+            if end.is_some() && matches!(message, Message::Set(_)) {
+                self.refusal = Some(text.to_owned());
             }
             driver.push_event(DriverEvent::Garbled { bytes_count: buffer.len() });
         }
@@ -253,8 +260,13 @@ impl Protocol for Socket {
                 // It may have arrived: the same request is sent again when repeated.
                 self.actuator.give_up(driver, goal);
                 self.done = Goal::Keep;
-                driver.raise_unanswered("SET");
+                match self.refusal.take() {
+                    Some(words) => driver.raise_refused("SET", format!("`{words}`")),
+                    None => driver.raise_unanswered("SET"),
+                }
             }
+            // Half an answer: whether it ends its lines is to be seen anew.
+            Some(Message::Get(_)) if !self.buffer.is_empty() => self.ends_lines = None,
             // A question is asked again in turn; silence is reported separately.
             Some(Message::Get(_)) | None => {}
         }
@@ -281,6 +293,7 @@ impl Protocol for Socket {
             None => return,
         };
         self.asks_first = matches!(message, Message::Set(_));
+        self.refusal = None;
         self.buffer.clear();
         write_line(&mut driver.outgoing, &line);
         driver.asked();
