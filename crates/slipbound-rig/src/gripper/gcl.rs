@@ -240,7 +240,7 @@ impl Gcl {
         }
         let name = match sent {
             Some(message) => {
-                self.goal = Goal::Keep;
+                self.goal = self.goal.after_failure(message.force_n().is_some());
                 message.name()
             }
             None => match self.motion.take_if(|motion| motion.name == name) {
@@ -296,7 +296,7 @@ impl Gcl {
     /// The gripper did not grip; the command is sent again when it is requested again.
     fn refuse_grip(&mut self, driver: &mut DriverState, why: String) {
         if !self.is_holding() {
-            (self.goal, self.gripped_n) = (Goal::Keep, None);
+            (self.goal, self.gripped_n) = (self.goal.after_failure(true), None);
         }
         driver.raise_refused("GRIP", why);
     }
@@ -371,7 +371,8 @@ impl Protocol for Gcl {
             Some(Message::Question(name)) => self.questions.miss(driver, name),
             // It may have arrived: the same request is sent again when repeated.
             Some(message) => {
-                (self.goal, self.is_in_doubt, self.is_release_given) = (Goal::Keep, true, false);
+                self.goal = self.goal.after_failure(message.force_n().is_some());
+                (self.is_in_doubt, self.is_release_given) = (true, false);
                 driver.doubt_target(message.force_n());
                 driver.raise_unanswered(message.name());
             }

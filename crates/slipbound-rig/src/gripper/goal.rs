@@ -19,6 +19,11 @@ pub(crate) enum Goal {
 }
 
 impl Goal {
+    /// What is left of it once a command has failed: a release that was requested after a grip stays.
+    pub fn after_failure(self, was_grip: bool) -> Self {
+        if was_grip && self == Goal::Open { Goal::Open } else { Goal::Keep }
+    }
+
     /// The force to hold with, N per finger.
     pub fn force_n(self) -> Option<f64> {
         match self {

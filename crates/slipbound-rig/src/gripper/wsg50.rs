@@ -258,7 +258,7 @@ impl Wsg50 {
             (Command::Home | Command::Grasp | Command::Release | Command::Move, status::OK | status::ABORTED) => {}
             (Command::Disconnect, _) => {}
             (command, code) => {
-                self.goal = Goal::Keep;
+                self.goal = self.goal.after_failure(command.is_grip());
                 self.forget_grasp(command);
                 driver.raise_refused(command.name(), status::in_words(code));
             }
@@ -324,7 +324,7 @@ impl Wsg50 {
                 }
                 command => {
                     driver.doubt_target(command.force_n(driver));
-                    self.goal = Goal::Keep;
+                    self.goal = self.goal.after_failure(command.is_grip());
                     self.forget_grasp(command);
                     self.telemetry.limit_own_n = None; // it may have arrived: ask
                     driver.raise_unanswered(command.name());

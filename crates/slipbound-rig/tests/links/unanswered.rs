@@ -2,12 +2,16 @@
 //! sent again when it is requested again.
 
 use crate::bench::{Bench, MS, config};
-use slipbound::port::Jaws;
+use slipbound::port::{GripCommand, Jaws};
 use slipbound_rig::emulator::NAMES;
 use slipbound_rig::gripper::config::{Config, Lowering};
 use slipbound_rig::gripper::wsg50::frame;
 use slipbound_rig::gripper::{Error, Request};
 use slipbound_rig::link::Endpoint;
+
+fn hold(force_n: f64) -> GripCommand {
+    GripCommand::Hold { force_n }
+}
 
 /// The answer to a new force, and how far it reaches: to the end of the line, or these bytes only.
 fn answer_to_force(name: &str) -> (&'static [u8], bool) {
@@ -31,11 +35,11 @@ fn without_answers(name: &str, mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// Requests a force, and drops every answer to it for this many ms; everything else comes through. An error from the
-/// driver ends it sooner.
-fn lose_answers(bench: &mut Bench, name: &str, force_n: f64, most_ms: u64) -> Option<Error> {
+/// Gives a command, and drops every answer to a new force for this many ms; everything else comes through. An error
+/// from the driver ends it sooner.
+fn lose_answers(bench: &mut Bench, name: &str, command: GripCommand, most_ms: u64) -> Option<Error> {
     bench.is_delivering = false;
-    bench.grip(force_n).expect("taken over");
+    bench.request(Request::Grip(command)).expect("taken over");
     let until_ns = bench.now_ns() + most_ms * MS;
     let mut error = None;
     while error.is_none() && bench.now_ns() < until_ns {
@@ -59,7 +63,7 @@ fn a_force_asked_for_again_after_an_unanswered_one_is_sent_again() {
     let pressed_n = NAMES.map(|name| {
         let allowing = Config { lowering: Lowering::Allow, ..config(name) };
         let mut bench = Bench::holding(name, allowing, "allow-regrasp", 40.0);
-        let error = lose_answers(&mut bench, name, 25.0, 2000);
+        let error = lose_answers(&mut bench, name, hold(25.0), 2000);
         assert!(matches!(error, Some(Error::Unanswered { .. })), "{name}: {error:?}");
         bench.run(1000);
         assert!((bench.plant.force_n - 25.0).abs() < 0.7, "{name} has taken it over: {} N", bench.plant.force_n);
@@ -77,7 +81,7 @@ fn after_an_unanswered_higher_force_lowering_counts_from_that_one() {
     let pressed_n = NAMES.map(|name| {
         let refusing = Config { lowering: Lowering::Refuse, ..config(name) };
         let mut bench = Bench::holding(name, refusing, "allow-regrasp", 40.0);
-        lose_answers(&mut bench, name, 60.0, 2000);
+        lose_answers(&mut bench, name, hold(60.0), 2000);
         let _ = bench.grip(50.0); // refused, or 60 N are given
         bench.run(2000);
         bench.plant.force_n
@@ -109,7 +113,7 @@ fn after_a_link_that_took_the_answer_with_it_lowering_counts_from_the_higher_for
     let pressed_n = NAMES.map(|name| {
         let refusing = Config { lowering: Lowering::Refuse, ..config(name) };
         let mut bench = Bench::holding(name, refusing, "allow-regrasp", 40.0);
-        assert!(lose_answers(&mut bench, name, 60.0, 400).is_none(), "{name}: not yet given up");
+        assert!(lose_answers(&mut bench, name, hold(60.0), 400).is_none(), "{name}: not yet given up");
         bench.cut("cut");
         bench.connect();
         bench.run(400);
@@ -245,4 +249,29 @@ fn a_gripper_that_no_longer_tells_its_opening_opens_wide_and_is_homed_after_a_re
     let state = bench.state().expect("there");
     assert_eq!((state.jaws, state.opening_mm, bench.plant.force_n), (Jaws::Open, None, 0.0));
     bench.request(Request::Home).expect("open jaws hold nothing");
+}
+
+/// The grip is refused, or its answer is lost.
+#[test]
+fn a_release_requested_while_a_grip_is_on_its_way_is_given_whatever_becomes_of_the_grip() {
+    for name in NAMES {
+        let mut bench = Bench::holding(name, config(name), "allow-regrasp", 40.0);
+        assert!(lose_answers(&mut bench, name, hold(60.0), 100).is_none(), "{name}: it is waited for");
+        let error = lose_answers(&mut bench, name, GripCommand::Release, 2000);
+        assert!(matches!(error, Some(Error::Unanswered { .. })), "{name}: {error:?}");
+        bench.run(2000);
+        assert_eq!(bench.plant.force_n, 0.0, "{name}");
+    }
+    // An emulated 2F-85 that refuses forces refuses to open, too: both are one command.
+    for name in ["wsg50", "gcl", "line"] {
+        for after_ms in (0..50).step_by(10) {
+            let mut bench = Bench::holding(name, config(name), "late=30,refuse-force@6000", 40.0);
+            bench.run(6000 - bench.now_ns() / MS);
+            bench.grip(60.0).expect("taken over");
+            bench.run(after_ms);
+            bench.release().expect("taken over");
+            bench.run(3000);
+            assert_eq!(bench.plant.force_n, 0.0, "{name} after {after_ms} ms");
+        }
+    }
 }

@@ -139,13 +139,15 @@ impl Actuator {
 
     /// What was sent for this goal was never answered.
     pub fn give_up(&mut self, driver: &mut DriverState, goal: Goal) {
-        self.abandon();
+        self.abandon(goal);
         driver.doubt_target(goal.force_n());
     }
 
-    /// What was to be done is not done.
-    pub fn abandon(&mut self) {
-        (self.goal, self.is_homing) = (Goal::Keep, false);
+    /// What was sent for this goal is not done. A release that was requested after a grip stays.
+    pub fn abandon(&mut self, goal: Goal) {
+        if goal.force_n().is_none() || !matches!(self.goal, Goal::Open { .. }) {
+            (self.goal, self.is_homing) = (Goal::Keep, false);
+        }
     }
 
     pub fn check_ready(&self, driver: &DriverState) -> Result<(), Error> {

@@ -81,8 +81,8 @@ impl Serial {
                 self.actuator.take_over(driver, goal);
             }
             (Message::Read, Answer::Refused(code)) => driver.raise_refused("read", format!("Modbus exception {code}")),
-            (Message::Write { .. }, Answer::Refused(code)) => {
-                self.actuator.abandon();
+            (Message::Write { goal, .. }, Answer::Refused(code)) => {
+                self.actuator.abandon(goal);
                 driver.raise_refused("write", format!("Modbus exception {code}"));
             }
             _ => return, // the answer to an abandoned request
