@@ -88,6 +88,7 @@ pub struct ControlLoop {
     slips: SlipEpisodes,
     events: Vec<DriverEvent>,
     last_step: Option<TaskStep>,
+    left_with_n: Option<f64>,
     grip: Option<GripSample>,
     wrist: Option<WristState>,
 }
@@ -112,6 +113,7 @@ impl ControlLoop {
             slips: SlipEpisodes::default(),
             events: Vec::new(),
             last_step: None,
+            left_with_n: None,
             grip: None,
             wrist: None,
         })
@@ -194,8 +196,14 @@ impl ControlLoop {
         let holds = !matches!(phase, Phase::Releasing | Phase::Ended(_)) && !self.hold_end.has_opened();
         if let Some(force_n) = self.task.grip().limits().blind_force_n.filter(|n| holds && *n > force_n) {
             // A gripper that rejects this keeps its force.
-            let _ = gripper.command(GripCommand::Hold { force_n });
+            let is_accepted = gripper.command(GripCommand::Hold { force_n }).is_ok();
+            self.left_with_n = is_accepted.then_some(force_n).or(self.left_with_n);
         }
+    }
+
+    /// The blind force, N per finger, if [`ControlLoop::leave`] has raised the grip to it.
+    pub fn left_with_n(&self) -> Option<f64> {
+        self.left_with_n
     }
 
     fn try_cycle(
@@ -211,6 +219,7 @@ impl ControlLoop {
         let Polled { state, sensed, wrist_state, wrist_fault } = match polled {
             Ok(polled) => polled,
             Err(fault) => {
+                self.task.interrupt();
                 self.raise_fault(now_ns, fault, wrist)?;
                 return Ok(CycleOutcome::Waiting);
             }
@@ -227,6 +236,9 @@ impl ControlLoop {
             self.take_over(&state, &hand)?;
         }
         let observation = Observation { now_ns, hand: &hand, gripper: &sensed, wrist: &wrist_state };
+        if self.hold_end.has_opened() && state.jaws == Jaws::Holding && is_force_unknown(&state) {
+            return Err(ControlError::HeldForceUnknown); // grasped again with a force of somebody else
+        }
         let Decided { step, fault, on_fault } = self.decide(&observation, wrist_fault);
         let refused_lowering = self.send(&observation, &step, fault, gripper, wrist)?;
         let grip = self.task.grip();
@@ -256,6 +268,7 @@ impl ControlLoop {
             self.hold_end.lose_sight();
         }
         let state = polled.map_err(Fault::of_gripper).and_then(|state| self.usable(state));
+        self.grip = None; // a reading of this cycle, or none
         // A wrist that cannot be polled is taken to stand at its last position; the grip still reacts to slip.
         let wrist_known = match (wrist.poll().map_err(Fault::of_wrist), self.wrist) {
             (Ok(state), _) => Ok((state, None)),
@@ -290,6 +303,9 @@ impl ControlLoop {
         let fault = hold_end.or(shortfall).or(wrist_fault).or(standstill);
         let on_fault = fault.is_some() || self.faults.current().is_some();
         let step = if on_fault { self.step_on_fault(step, pressed_n) } else { step };
+        if on_fault {
+            self.task.interrupt();
+        }
         self.last_step = Some(step);
         Decided { step, fault, on_fault }
     }
@@ -346,7 +362,7 @@ impl ControlLoop {
     fn take_over(&mut self, state: &GripperState, hand: &HandReport) -> Result<(), ControlError> {
         let is_unloaded = self.is_unloaded();
         if state.jaws == Jaws::Holding {
-            if state.target_n.or(state.force_n.filter(|n| n.is_finite())).is_none() {
+            if is_force_unknown(state) {
                 return Err(ControlError::HeldForceUnknown);
             }
         } else {
@@ -424,6 +440,11 @@ impl ControlLoop {
         let _ = wrist.command(PAUSE); // the fault may be the wrist's own: it then pauses by itself
         self.faults.raise(now_ns, fault).map_err(|(fault, waited_ns)| ControlError::Fault { fault, waited_ns })
     }
+}
+
+/// Whether a gripper tells neither what it is set to nor what it measures.
+fn is_force_unknown(state: &GripperState) -> bool {
+    state.target_n.or(state.force_n.filter(|n| n.is_finite())).is_none()
 }
 
 #[cfg(test)]

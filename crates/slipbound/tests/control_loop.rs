@@ -550,6 +550,23 @@ fn jaws_that_somebody_opened_and_closed_on_the_object_again_keep_their_force() {
     assert!(forces_n[0] > 39.8 && forces_n.windows(2).all(|two| two[0] - two[1] < 5.1 / 30.0), "{after:?}");
 }
 
+/// The force of that grasp is not told.
+#[test]
+fn an_object_that_somebody_grasped_again_with_an_untold_force_is_not_touched() {
+    let mut control = control(scenes(&[(20, Scene::Open), (120, Scene::Held(0.0))]), &hold());
+    let reports = Some((Jaws::Open, Some(60.0), 60..61));
+    let mut gripper = MyGripper { reports, is_silent_on_force: true, ..MyGripper::default() };
+    let mut wrist = MyWrist::default();
+    let told = (0..130).find_map(|cycle| {
+        if cycle == 100 {
+            gripper.reports = None;
+        }
+        control.cycle(cycle * FRAME_NS, &mut gripper, &mut wrist, &mut ()).err()
+    });
+    assert!(matches!(told, Some(ControlError::HeldForceUnknown)), "{told:?}");
+    assert_eq!(gripper.commands.len(), 60);
+}
+
 #[test]
 fn a_force_that_stays_short_is_a_fault_after_a_second_and_a_half() {
     let mut control = control(scenes(&[(20, Scene::Open), (60, Scene::Held(0.0))]), &hold());

@@ -9,9 +9,9 @@ use super::error::Error;
 use super::folder::{Lines, refuse_finger_name, write_whole};
 use crate::source::decode_image;
 use serde::{Deserialize, Serialize};
-use slipbound::control::{CycleOutcome, CycleView};
+use slipbound::control::{CycleOutcome, CycleView, Fault, FaultKind};
 use slipbound::finger_pipeline::FingerView;
-use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
+use slipbound::port::{FrameBuffer, FrameSource, GripperErrorKind, Next, SourceError, SourceErrorKind};
 use std::collections::VecDeque;
 use std::fmt::Display;
 use std::fs;
@@ -42,6 +42,9 @@ struct Line {
     /// Whether gripper or wrist could not be polled, so that nothing was commanded.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     waiting: bool,
+    /// Whether that was because the link to the gripper was lost: its jaws may have been opened meanwhile.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    link_lost: bool,
 }
 
 /// Keeps frames.
@@ -89,7 +92,9 @@ pub(crate) fn line(view: &CycleView<'_>) -> Option<serde_json::Result<String>> {
         return None;
     }
     let waiting = view.outcome.is_none_or(|outcome| *outcome == CycleOutcome::Waiting);
-    let line = Line { fingers: view.fingers.iter().map(received).collect(), waiting };
+    let is_lost = |fault: &Fault| fault.kind == FaultKind::Gripper(GripperErrorKind::Link);
+    let link_lost = waiting && view.fault.is_some_and(is_lost);
+    let line = Line { fingers: view.fingers.iter().map(received).collect(), waiting, link_lost };
     Some(serde_json::to_string(&line))
 }
 
@@ -128,9 +133,11 @@ pub struct RecordedSource {
     cycles: VecDeque<Received>,
 }
 
-/// The frames of every finger of a run, and for each cycle whether nothing was commanded because gripper or wrist could
-/// not be polled.
-pub(super) fn read(folder: &Path, fingers_count: usize) -> Result<(Vec<RecordedSource>, VecDeque<bool>), Error> {
+/// Why nothing was commanded in a cycle: gripper or wrist could not be polled.
+pub(super) type Waiting = Option<GripperErrorKind>;
+
+/// The frames of every finger of a run, and for each cycle why nothing was commanded, if so.
+pub(super) fn read(folder: &Path, fingers_count: usize) -> Result<(Vec<RecordedSource>, VecDeque<Waiting>), Error> {
     let path = folder.join("frames.jsonl");
     let text = fs::read_to_string(&path).map_err(|e| Error::Syntax {
         path: path.clone(),
@@ -147,7 +154,8 @@ pub(super) fn read(folder: &Path, fingers_count: usize) -> Result<(Vec<RecordedS
         if count != fingers_count {
             return Err(wrong(format!("expected {fingers_count} fingers, got {count}")));
         }
-        waiting.push_back(line.waiting);
+        let why = if line.link_lost { GripperErrorKind::Link } else { GripperErrorKind::Other };
+        waiting.push_back(line.waiting.then_some(why));
         sources.iter_mut().zip(line.fingers).for_each(|(source, received)| source.cycles.push_back(received));
     }
     Ok((sources, waiting))

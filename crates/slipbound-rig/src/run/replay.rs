@@ -3,7 +3,7 @@
 
 use super::error::Error;
 use super::folder::read;
-use super::frames;
+use super::frames::{self, Waiting};
 use super::words::commanded;
 use crate::config;
 use crate::rest_file::{RestFileError, SavedRest};
@@ -108,23 +108,22 @@ pub struct Replayed {
 pub struct Replay {
     control: ControlLoop,
     cycles: Vec<Cycle>,
-    waiting: VecDeque<bool>,
+    waiting: VecDeque<Waiting>,
 }
 
-/// A gripper and a wrist that report their recorded states, and refuse what was refused; None: they had a fault.
-struct RecordedActuators<'a>(Option<&'a Cycle>);
+/// A gripper and a wrist that report their recorded states, and refuse what was refused; or the fault that they had.
+struct RecordedActuators<'a>(Result<&'a Cycle, GripperErrorKind>);
 
 impl Gripper for RecordedActuators<'_> {
     fn command(&mut self, _: GripCommand) -> Result<(), GripperError> {
-        match self.0.is_some_and(|cycle| cycle.refused_lowering) {
+        match self.0.is_ok_and(|cycle| cycle.refused_lowering) {
             true => Err(GripperError::new(GripperErrorKind::Lowering, "a lower force was refused")),
             false => Ok(()),
         }
     }
 
     fn poll(&mut self) -> Result<GripperState, GripperError> {
-        let cycle = self.0.ok_or_else(|| GripperError::new(GripperErrorKind::Other, "it had a fault"))?;
-        Ok(cycle.gripper)
+        self.0.map(|cycle| cycle.gripper).map_err(|kind| GripperError::new(kind, "it had a fault"))
     }
 }
 
@@ -134,8 +133,7 @@ impl Wrist for RecordedActuators<'_> {
     }
 
     fn poll(&mut self) -> Result<WristState, WristError> {
-        let cycle = self.0.ok_or_else(|| WristError::new(WristErrorKind::Other, "it had a fault"))?;
-        Ok(cycle.wrist)
+        self.0.map(|cycle| cycle.wrist).map_err(|_| WristError::new(WristErrorKind::Other, "it had a fault"))
     }
 }
 
@@ -184,7 +182,7 @@ impl Replay {
             return Err(ReplayError::NoCycle);
         }
         while let Some(cycle) = self.cycles.get(next) {
-            let known = Some(cycle).filter(|_| !self.waiting.pop_front().unwrap_or_default());
+            let known = self.waiting.pop_front().flatten().map_or(Ok(cycle), Err);
             let (gripper, wrist) = (&mut RecordedActuators(known), &mut RecordedActuators(known));
             self.control.assume_fault(cycle.time_ns, cycle.on_fault);
             match self.control.cycle(cycle.time_ns, gripper, wrist, observer)? {
@@ -202,7 +200,7 @@ impl Replay {
             }
         }
         // The cycles after the last command waited for a gripper or wrist.
-        match self.waiting.iter().filter(|is_waiting| !**is_waiting).count() {
+        match self.waiting.iter().filter(|why| why.is_none()).count() {
             0 => Ok(Replayed { cycles_count: next }),
             missing_count => Err(ReplayError::ReportsEnd { cycles_count: next, missing_count }),
         }

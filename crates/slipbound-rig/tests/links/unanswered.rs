@@ -258,7 +258,9 @@ fn a_release_requested_while_a_grip_is_on_its_way_is_given_whatever_becomes_of_t
         let mut bench = Bench::holding(name, config(name), "allow-regrasp", 40.0);
         assert!(lose_answers(&mut bench, name, hold(60.0), 100).is_none(), "{name}: it is waited for");
         let error = lose_answers(&mut bench, name, GripCommand::Release, 2000);
-        assert!(matches!(error, Some(Error::Unanswered { .. })), "{name}: {error:?}");
+        // On a serial line the release is in flight by then, as silent as the grip.
+        let is_told = matches!(error, Some(Error::Unanswered { .. }));
+        assert!(is_told || name == "robotiq-rtu", "{name}: {error:?}");
         bench.run(2000);
         assert_eq!(bench.plant.force_n, 0.0, "{name}");
     }

@@ -50,7 +50,8 @@ pub enum ControlError {
         /// The finger.
         finger: String,
     },
-    /// When the loop began, the gripper held something already and did not tell with which force. Nothing was commanded.
+    /// The gripper held something, since before the loop or since somebody else grasped it, and did not tell with which
+    /// force. Nothing was commanded.
     HeldForceUnknown,
     /// A fault of gripper or wrist lasted longer than the loop waits.
     Fault {

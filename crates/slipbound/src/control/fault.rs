@@ -176,16 +176,24 @@ pub(super) struct HoldEnd {
     has_opened: bool,
     /// The link was lost since they held last.
     was_away: bool,
+    /// The work had begun in the last cycle: at its end the object is still held.
+    has_worked: bool,
 }
 
 impl HoldEnd {
     /// The fault, at once when the jaws have opened, and else when they have not held for too long.
     pub fn check(&mut self, now_ns: u64, state: &GripperState, step: &TaskStep) -> Option<Fault> {
-        let is_to_hold = matches!(step.phase, Phase::Working | Phase::Waiting) && step.grip != GripCommand::Release;
+        self.has_worked = match step.phase {
+            Phase::Working | Phase::Waiting => true,
+            Phase::Ended(_) => self.has_worked,
+            Phase::Grasping | Phase::Releasing => false,
+        };
+        let is_to_hold = self.has_worked && step.grip != GripCommand::Release;
         if !is_to_hold || !matches!(state.jaws, Jaws::Open | Jaws::Closing) {
             let holds = state.jaws == Jaws::Holding;
             let held_mm = if holds { state.opening_mm } else { self.held_mm };
-            *self = HoldEnd { held_mm, was_away: self.was_away && !holds, ..HoldEnd::default() };
+            let (was_away, has_worked) = (self.was_away && !holds, self.has_worked);
+            *self = HoldEnd { held_mm, was_away, has_worked, ..HoldEnd::default() };
             return None;
         }
         let since_ns = *self.since_ns.get_or_insert(now_ns);

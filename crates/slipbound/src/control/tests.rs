@@ -94,6 +94,8 @@ fn who_leaves_pauses_the_wrist_first_and_only_ever_presses_harder() {
         control.last_step = Some(last);
         control.leave(&mut scribe.clone(), &mut scribe.clone());
         assert_eq!(*scribe.told.borrow(), expected);
+        let presses_harder = expected.len() > 1;
+        assert_eq!(control.left_with_n(), Some(35.0).filter(|_| presses_harder));
     }
 }
 
@@ -346,4 +348,52 @@ fn the_measured_grip_is_known_to_the_monitors_and_events_of_the_driver_are_shown
 fn the_error_of_an_interrupted_loop_tells_both_forces_that_the_gripper_may_hold() {
     let told = ControlError::Interrupted.to_string();
     assert!(told.contains("keeps its force, or holds with grip.blind_force_n if that is higher"), "{told}");
+}
+
+/// What the monitors are told of the grip while the gripper is away.
+#[test]
+fn a_force_of_before_a_lost_link_is_not_judged_with() {
+    let (mut gripper, mut wrist) = (Scribe::default(), Scribe::default());
+    let mut control = control(None);
+    control.cycle(0, &mut gripper, &mut wrist, &mut ()).expect("goes on");
+    assert!(control.grip.is_some());
+    gripper.is_lost = true;
+    control.cycle(33_000_000, &mut gripper, &mut wrist, &mut ()).expect("it is waited for");
+    assert!(control.grip.is_none());
+}
+
+/// Before the work is over, and in the cycle in which it is.
+#[test]
+fn jaws_that_were_opened_are_not_closed_again_because_the_work_is_over() {
+    use crate::control::fault::HoldEnd;
+    use crate::task::Ending;
+    let state = |jaws, opening_mm| GripperState {
+        time_ns: 0,
+        force_n: None,
+        force_error_n: None,
+        target_n: Some(20.0),
+        opening_mm: Some(opening_mm),
+        jaws,
+    };
+    let (held, opened) = (state(Jaws::Holding, 28.0), state(Jaws::Open, 60.0));
+    let over = |ending| holds(Phase::Ended(ending));
+    for (steps, has_opened) in [
+        (vec![(holds(Phase::Waiting), opened), (over(Ending::GripStays), opened)], true),
+        (vec![(holds(Phase::Working), held), (over(Ending::Limit), opened)], true),
+        (vec![(over(Ending::Held), held), (over(Ending::Held), opened)], true),
+        (vec![(over(Ending::Limit), opened), (over(Ending::Limit), held)], false), // grasped again
+        (vec![(releases(), opened)], false),
+        (vec![(TaskStep { phase: Phase::Ended(Ending::Placed), ..releases() }, opened)], false),
+    ] {
+        let mut hold_end = HoldEnd::default();
+        hold_end.check(0, &held, &holds(Phase::Working));
+        for (number, (step, state)) in steps.iter().enumerate() {
+            hold_end.check(33_000_000 * (number as u64 + 1), state, step);
+        }
+        assert_eq!(hold_end.has_opened(), has_opened, "{steps:?}");
+    }
+    let mut empty = HoldEnd::default();
+    empty.check(0, &opened, &holds(Phase::Grasping));
+    empty.check(33_000_000, &opened, &over(Ending::NothingHeld));
+    assert!(!empty.has_opened(), "it never worked");
 }

@@ -280,7 +280,9 @@ impl Margin {
     /// slipping, and where more of the friction is `used` than there should be, how much force is missing is not known;
     /// without frames or contact nothing is known.
     fn without_margin(&mut self, hand: &HandReport, used: Option<f64>, elapsed_s: f64) -> GripDecision {
-        self.unsure_rise.see(hand);
+        if self.unsure_rise.see(hand) {
+            self.stopped = None;
+        }
         let target = self.settings.target(hand.friction, doubt(hand.cut_fraction));
         let is_above = used.is_some_and(|used| used > target);
         // An unsure frame's margin says that it slips, or nothing.
@@ -308,7 +310,8 @@ impl Margin {
 impl GripController for Margin {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
         if self.last_ns.is_some_and(|last_ns| now_ns.saturating_sub(last_ns) > LONGEST_GAP_NS) {
-            (self.holding_n, self.slow_holding_n) = (None, 0.0);
+            // A command of before may never have been sent.
+            (self.holding_n, self.slow_holding_n, self.stands) = (None, 0.0, None);
         }
         let elapsed_s = step_s(self.last_ns.replace(now_ns), now_ns);
         self.count_alarm(hand, gripper);

@@ -43,12 +43,14 @@ impl UnsureRise {
     }
 
     /// Forgets the load of a contact that is lost: the next one is another. A finger that is not live may still feel it.
-    /// The bound stays.
-    pub fn see(&mut self, hand: &HandReport) {
+    /// The bound stays. Returns whether it is lost.
+    pub fn see(&mut self, hand: &HandReport) -> bool {
         let all_live = hand.health.iter().all(|health| matches!(health, Health::Live | Health::Absent));
-        if hand.state == SlipState::NoContact && all_live {
+        let is_lost = hand.state == SlipState::NoContact && all_live;
+        if is_lost {
             self.last_margin = None;
         }
+        is_lost
     }
 
     /// The force after this time in which the hand was `unsure`, N per finger: at most `limit_n`, never lower than

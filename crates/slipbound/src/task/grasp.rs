@@ -14,8 +14,13 @@ use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::Jaws;
 
-/// Longest time for a grasp, ns.
+/// Longest time for a grasp, ns, and the same while the jaws still close: from one end to the other at the least speed
+/// takes twenty seconds.
 const LONGEST_NS: u64 = 10_000_000_000;
+const LONGEST_CLOSING_NS: u64 = 60_000_000_000;
+
+/// A longer time between two steps counts as this long, ns.
+const LONGEST_STEP_NS: u64 = 250_000_000;
 
 /// Time for which the grip must be steady before work begins, ns: long enough for the monitor to take a reference.
 const SETTLE_NS: u64 = 200_000_000;
@@ -29,7 +34,9 @@ const STILL_MM: f64 = 0.5;
 /// A grasp in progress.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Grasp {
-    since_ns: Option<u64>,
+    /// The time of the last step, ns, and for how long it has waited without a fault.
+    last_ns: Option<u64>,
+    waited_ns: u64,
     /// Since when all conditions except the force have been met, and the opening then.
     stands: Option<(u64, Option<f64>)>,
     /// Since when the force has been reached, too.
@@ -48,8 +55,9 @@ impl Grasp {
     /// `hand` is the hand report without the slip that the task allows.
     pub fn step(&mut self, observation: &Observation<'_>, hand: &HandReport, grip: &mut Guard) -> Grasped {
         let (now_ns, gripper) = (observation.now_ns, observation.gripper);
-        let is_first = self.since_ns.is_none();
-        let since_ns = *self.since_ns.get_or_insert(now_ns);
+        let before_ns = self.last_ns.replace(now_ns);
+        let is_first = before_ns.is_none();
+        self.waited_ns += before_ns.map_or(0, |before_ns| now_ns.saturating_sub(before_ns).min(LONGEST_STEP_NS));
         let feels = !matches!(hand.state, SlipState::NoContact | SlipState::Unjudged);
         let holds = gripper.jaws == Jaws::Holding;
         if let Some(held_n) = gripper.target_n.or(gripper.force_n).filter(|_| is_first && holds) {
@@ -71,13 +79,19 @@ impl Grasp {
         } else {
             (self.stands, self.pressed_since_ns) = (None, None);
         }
-        let is_late = now_ns.saturating_sub(since_ns) > LONGEST_NS;
+        let most_ns = if gripper.jaws == Jaws::Closing { LONGEST_CLOSING_NS } else { LONGEST_NS };
+        let is_late = self.waited_ns > most_ns;
         // Blind fingers cannot tell whether something is held.
         let is_empty = is_late && hand.state != SlipState::Unjudged && !(holds && feels);
         if matches!(gripper.jaws, Jaws::Nothing | Jaws::Lost) || is_empty {
             return Grasped::Never(Ending::NothingHeld);
         }
         Grasped::NotYet(GripDecision { force_n, arm: ArmMotion::Pause })
+    }
+
+    /// The time so far does not count.
+    pub fn interrupt(&mut self) {
+        self.waited_ns = 0;
     }
 
     /// The missing condition, if any.

@@ -139,6 +139,10 @@ impl Task for Lift {
         &mut self.grip
     }
 
+    fn interrupt(&mut self) {
+        self.grasp.interrupt();
+    }
+
     fn missing(&self) -> Option<Missing> {
         self.grasp.missing().filter(|_| self.phase == Phase::Grasping)
     }

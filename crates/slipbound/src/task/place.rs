@@ -109,6 +109,8 @@ pub struct Place {
     changed_ns: u64,
     /// When it was first told to release, ns.
     released_ns: Option<u64>,
+    /// Whether the last cycle had a fault: the command may not have been sent.
+    is_interrupted: bool,
 }
 
 impl Place {
@@ -132,6 +134,7 @@ impl Place {
             last,
             changed_ns: 0,
             released_ns: None,
+            is_interrupted: false,
         })
     }
 
@@ -240,6 +243,9 @@ impl Place {
 
 impl Task for Place {
     fn step(&mut self, observation: &Observation<'_>) -> TaskStep {
+        if std::mem::take(&mut self.is_interrupted) {
+            (self.changed_ns, self.released_ns) = (observation.now_ns, None);
+        }
         match self.phase {
             Phase::Grasping => {
                 match self.grasp.step(observation, &self.settings.allowed.filter(observation.hand), &mut self.grip) {
@@ -278,6 +284,11 @@ impl Task for Place {
 
     fn grip_mut(&mut self) -> &mut Guard {
         &mut self.grip
+    }
+
+    fn interrupt(&mut self) {
+        self.grasp.interrupt();
+        self.is_interrupted = true;
     }
 
     fn missing(&self) -> Option<Missing> {

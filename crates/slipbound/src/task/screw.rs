@@ -111,6 +111,10 @@ impl Task for Screw {
         &mut self.turning.grip
     }
 
+    fn interrupt(&mut self) {
+        self.turning.interrupt();
+    }
+
     fn missing(&self) -> Option<Missing> {
         self.turning.missing()
     }

@@ -166,6 +166,10 @@ pub trait Task {
     /// The same, for what the loop knows of the grip: see [`Guard::raise_to`] and [`Guard::never_lower`].
     fn grip_mut(&mut self) -> &mut Guard;
 
+    /// This cycle had a fault, or gripper or wrist could not be polled: what the task waits for may not have come
+    /// meanwhile. Its waiting begins anew.
+    fn interrupt(&mut self) {}
+
     /// What it waits for before its work can begin; None once it has begun, and before the first step.
     fn missing(&self) -> Option<Missing> {
         None

@@ -197,6 +197,11 @@ impl Turning {
         self.rate_rad_per_s.signum() * (angle_rad - *self.start_rad.get_or_insert(angle_rad))
     }
 
+    /// See [`Task::interrupt`](super::step::Task::interrupt).
+    pub fn interrupt(&mut self) {
+        self.grasp.interrupt();
+    }
+
     /// What it waits for before it can turn.
     pub fn missing(&self) -> Option<Missing> {
         self.grasp.missing().filter(|_| self.phase == Phase::Grasping)

@@ -108,6 +108,10 @@ impl Task for Unscrew {
         &mut self.turning.grip
     }
 
+    fn interrupt(&mut self) {
+        self.turning.interrupt();
+    }
+
     fn missing(&self) -> Option<Missing> {
         self.turning.missing()
     }

@@ -331,3 +331,33 @@ fn a_reading_that_is_no_number_leaves_no_trace() {
         assert!(controller.margin().is_some_and(|margin| margin.is_finite()), "{reading_n}: {:?}", controller.margin());
     }
 }
+
+/// The command of 30 N was given in the cycle in which the link was lost, and never sent.
+#[test]
+fn a_command_from_before_a_gap_does_not_count_as_reached() {
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
+    let of_load = |load_n: f64| HandReport { margin: Some(1.0 - load_n / 20.0), ..hand(SlipState::Stick) };
+    let mut told_n = [0.0; 2];
+    for (frame, now_ns) in (0..30).map(|frame| (frame, frame * FRAME_NS)).chain([(30, 6_000_000_000)]) {
+        // The gripper keeps 20 N whatever it is told.
+        let force_n = controller.decide(now_ns, &of_load(14.0), &gripper(20.0)).force_n;
+        told_n = [if frame < 30 { force_n } else { told_n[0] }, force_n];
+    }
+    assert!(told_n[0] > 21.0, "{told_n:?}");
+    assert!(told_n[1] < told_n[0] + 0.5, "{told_n:?}: half as much again is held with the 20 N");
+}
+
+/// The object is lost, with all fingers live, and another one is gripped firmly.
+#[test]
+fn what_stopped_the_slide_of_one_object_is_not_kept_for_the_next() {
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    let slides = HandReport { margin: Some(0.0), ..hand(SlipState::Gross) };
+    let mut hands = vec![HandReport { margin: Some(0.5), ..hand(SlipState::Stick) }; 10];
+    hands.extend([slides; 10]);
+    hands.extend([HandReport { margin: None, ..hand(SlipState::NoContact) }; 10]);
+    hands.extend([HandReport { margin: Some(0.65), ..hand(SlipState::Stick) }; 150]);
+    let told = commands(Law::Margin(settings), GripLimits::default(), &hands);
+    let (stopped_n, last_n) = (told[19].force_n, told[179].force_n);
+    assert!(stopped_n > 15.0 && last_n < stopped_n - 3.0, "{stopped_n} {last_n}");
+}

@@ -23,6 +23,28 @@ fn an_empty_gripper_ends_the_task() {
     assert_eq!(step.wrist.motion, WristMotion::Pause);
 }
 
+/// Jaws that close for as long as they do, or wait for a link; and jaws that stand open.
+#[test]
+fn nothing_is_found_only_by_jaws_that_had_the_time_to_close() {
+    let ended_s = |jaws: Jaws, interrupted: std::ops::Range<u64>| {
+        let mut task = TaskSettings::default().task(TaskKind::Lift, None).expect("valid");
+        let wrist = WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
+        let (report, state) = (hand(SlipState::NoContact), GripperState { jaws, ..gripper(0.0) });
+        (0..100 * 30).find_map(|cycle| {
+            if interrupted.contains(&(cycle / 30)) {
+                {}
+                return None;
+            }
+            let now_ns = cycle * FRAME_NS;
+            let step = task.step(&Observation { now_ns, hand: &report, gripper: &state, wrist: &wrist });
+            matches!(step.phase, Phase::Ended(Ending::NothingHeld)).then_some(now_ns / 1_000_000_000)
+        })
+    };
+    assert_eq!(ended_s(Jaws::Open, 0..0), Some(10));
+    assert_eq!(ended_s(Jaws::Open, 2..9), Some(18));
+    assert_eq!(ended_s(Jaws::Closing, 0..0), Some(60));
+}
+
 /// An object that is held but not felt is not lifted, and the missing condition is reported.
 #[test]
 fn a_task_that_cannot_begin_says_what_it_waits_for() {

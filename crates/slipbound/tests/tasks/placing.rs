@@ -9,10 +9,17 @@ use slipbound::task::{Ending, Observation, Phase, TaskKind, TaskSettings};
 /// A tool is lowered, touches and turns; its grip should be loosened. `follows`: whether the gripper does so; `opens`:
 /// whether it opens.
 fn laid_down(follows: bool, opens: bool) -> (Option<Ending>, bool) {
+    laid_down_with_faults(follows, opens, |_, _| false)
+}
+
+/// The same with faults, by the time since the touch and since the release, s: no command is carried out meanwhile.
+fn laid_down_with_faults(follows: bool, opens: bool, is_fault: impl Fn(f64, f64) -> bool) -> (Option<Ending>, bool) {
+    let (mut touched_ns, mut released_ns) = (None, None);
     let mut task = TaskSettings::default().task(TaskKind::Place, Some(0.05)).expect("valid");
     let (mut force_n, mut lowered_mm, mut released) = (10.0, 0.0, false);
-    for cycle in 0..600u64 {
+    for cycle in 0..1200u64 {
         let now_ns = cycle * FRAME_NS;
+        let since_s = |ns: Option<u64>| ns.map_or(-1.0, |ns| (now_ns - ns) as f64 * 1e-9);
         let mut report = hand(SlipState::Stick);
         // From 5 mm on it touches the ground, turns, and is pushed against the gels.
         let touches = lowered_mm > 5.0;
@@ -23,6 +30,16 @@ fn laid_down(follows: bool, opens: bool) -> (Option<Ending>, bool) {
         let state = GripperState { jaws, ..gripper(force_n) };
         let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm, moving: true };
         let step = task.step(&Observation { now_ns, hand: &report, gripper: &state, wrist: &wrist });
+        if step.grip == GripCommand::Release {
+            released_ns.get_or_insert(now_ns);
+        }
+        if step.grip.force_n().is_some_and(|n| n < 10.0) {
+            touched_ns.get_or_insert(now_ns);
+        }
+        if is_fault(since_s(touched_ns), since_s(released_ns)) {
+            {}
+            continue;
+        }
         released = step.grip == GripCommand::Release;
         if let GripCommand::Hold { force_n: asked_n } = step.grip
             && (follows || asked_n > force_n)
@@ -43,6 +60,15 @@ fn laid_down(follows: bool, opens: bool) -> (Option<Ending>, bool) {
 fn a_gripper_that_does_not_loosen_its_grip_lets_nothing_go() {
     assert_eq!(laid_down(true, true), (Some(Ending::Placed), true));
     assert_eq!(laid_down(false, true), (Some(Ending::GripStays), false));
+}
+
+/// From the touch on for eight seconds, and from the release on for twenty.
+#[test]
+fn a_fault_while_it_is_laid_down_is_waited_for_and_not_blamed_on_the_gripper() {
+    let touching = |touched_s: f64, _: f64| (0.0..8.0).contains(&touched_s);
+    assert_eq!(laid_down_with_faults(true, true, touching), (Some(Ending::Placed), true));
+    let releasing = |_: f64, released_s: f64| (0.0..20.0).contains(&released_s);
+    assert_eq!(laid_down_with_faults(true, true, releasing), (Some(Ending::Placed), true));
 }
 
 #[test]

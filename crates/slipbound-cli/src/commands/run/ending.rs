@@ -19,6 +19,8 @@ pub struct Ended<'a> {
     pub sources: &'a [String],
     /// The force, N per finger.
     pub held_n: Option<f64>,
+    /// The blind force that the loop was left with, if so, N per finger.
+    pub left_with_n: Option<f64>,
     /// Whether the gripper reports that it holds.
     pub holds: bool,
     /// What the task waited for.
@@ -36,6 +38,10 @@ impl Ended<'_> {
             output.note(now_ns(), &terminal::in_words(e));
         }
         let RunScorer { mut score, phase, refused_lowering, tallies, .. } = scorer;
+        if let Some(force_n) = self.left_with_n {
+            output.note(now_ns(), &format!("the loop was left: the grip rises to the blind force of {force_n:.1} N"));
+            score.most_n = score.most_n.max(force_n);
+        }
         let is_at_work = ran.is_ok() && self.is_hold && matches!(phase, Some(Phase::Working | Phase::Waiting));
         if is_at_work && self.holds {
             score.ending = Some(Ending::Held); // to the end of the source

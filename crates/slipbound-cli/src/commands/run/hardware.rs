@@ -191,7 +191,7 @@ impl Hardware {
             &mut || pace.is_due(now_ns()),
             &mut observer,
         );
-        let missing = control.task().missing();
+        let (missing, left_with_n) = (control.task().missing(), control.left_with_n());
         let state = gripper.poll().ok();
         let held_n = state.and_then(|state| state.pressed_n());
         let holds = state.is_some_and(|state| state.jaws == Jaws::Holding);
@@ -203,7 +203,8 @@ impl Hardware {
         run_recording::finish(recorder, &mut output);
         let is_whole = note_frames(&names, &scorer.tallies, &cameras, &mut output);
         let (name, is_hold) = (work.name, work.is_hold);
-        let ended = Ended { name, is_hold, sources: &self.sources, held_n, holds, missing, window_count, is_whole };
+        let sources = &self.sources;
+        let ended = Ended { name, is_hold, sources, held_n, left_with_n, holds, missing, window_count, is_whole };
         ended.report(ran.map_err(Into::into), output, scorer)
     }
 

@@ -24,7 +24,10 @@ impl Pace {
 
     /// Longest time between two cycles, ns: a recording that is played slowly is silent between two frames as intended.
     pub fn longest_cycle_ns(&self) -> u64 {
-        LONGEST_CYCLE_NS.max(self.period_ns + self.period_ns / 2)
+        match self.frames_due {
+            Some(_) => LONGEST_CYCLE_NS,
+            None => LONGEST_CYCLE_NS.max(self.period_ns + self.period_ns / 2),
+        }
     }
 
     /// Whether a cycle is due. True once per cycle. After a delay the cycles of a recording that are late by more than a period
