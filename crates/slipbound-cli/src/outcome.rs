@@ -60,6 +60,14 @@ impl Failure {
     }
 }
 
+/// What was said at the end of work that is kept elsewhere: a reader who has gone misses nothing of it.
+pub fn unless_reader_left(said: Result<(), Failure>) -> Result<(), Failure> {
+    match said {
+        Err(Failure::ReaderLeft) => Ok(()),
+        said => said,
+    }
+}
+
 impl From<anyhow::Error> for Failure {
     fn from(e: anyhow::Error) -> Self {
         Failure::Work(e)

@@ -11,7 +11,7 @@ mod scorer;
 pub use scorer::{FrameTally, RunScorer};
 
 use self::console::Console;
-use crate::outcome::{Failure, Outcome};
+use crate::outcome::{Failure, Outcome, unless_reader_left};
 use crate::terminal::Terminal;
 use slipbound::control::{CycleObserver, CycleView};
 use slipbound::task::Ending;
@@ -25,7 +25,7 @@ use std::time::Duration;
 const QUEUE_DEPTH_COUNT: usize = 128;
 
 /// Longest wait at the end for the disk, and for the terminal, to take the queue.
-const LONGEST_DISK: Duration = Duration::from_secs(10);
+pub const LONGEST_DISK: Duration = Duration::from_secs(10);
 const LONGEST_TERMINAL: Duration = Duration::from_secs(1);
 
 /// What sees every cycle: the folder, the recording, the terminal.
@@ -146,6 +146,11 @@ impl RunOutput {
         match recorder {
             None => lost.push("report.html was not written: the disk did not answer".into()),
             Some(recorder) => {
+                if let count @ 1.. = recorder.unkept_count() {
+                    lost.push(format!(
+                        "the frames of the last {count} cycles were not kept: a replay goes up to there"
+                    ));
+                }
                 if let (count @ 1.., Some(first)) = recorder.failures() {
                     lost.push(format!("{count} times something could not be written, the first: {first}"));
                 }
@@ -156,7 +161,7 @@ impl RunOutput {
             }
         }
         lost.iter().for_each(|line| terminal.note(line));
-        said?;
+        unless_reader_left(said)?;
         Ok(if lost.is_empty() { Outcome::Done } else { Outcome::DataLost })
     }
 }

@@ -155,12 +155,14 @@ fn a_cycle_that_is_lost_on_the_way_to_a_run_is_a_gap_after_which_no_frame_is_kep
     drop(leave);
     let finished = queue.finish(Duration::from_secs(60));
     assert_eq!(finished.lost_count as usize, 10 - DEPTH_COUNT);
-    assert!(finished.observer.is_some_and(|disk| disk.recorder.failures().1.is_none()), "nothing has failed");
+    let recorder = finished.observer.expect("it answers").recorder;
+    assert!(recorder.failures().1.is_none() && recorder.unkept_count() == 3, "nothing has failed");
     let lines = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("lines").lines().count();
     assert_eq!(lines("reports.jsonl"), DEPTH_COUNT + 3, "all that came");
     assert_eq!(lines("frames.jsonl"), DEPTH_COUNT, "those before the gap");
     let events = std::fs::read_to_string(folder.path().join("events.jsonl")).expect("events");
     assert!(events.contains("6 cycles before this were not written"), "{events}");
+    assert_eq!(events.matches("frames are not kept from here on").count(), 1, "{events}");
 }
 
 /// The same for a recording in one file: the frames that the loop took are listed up to the gap, and never without
@@ -205,7 +207,9 @@ fn a_cycle_that_is_lost_on_the_way_to_a_recording_is_a_gap_after_which_no_frame_
     to_folder(&file, &folder).expect("converts");
     let text = |name: &str| std::fs::read_to_string(folder.join(name)).expect("lines");
     assert_eq!((text("reports.jsonl").lines().count(), text("frames.jsonl").lines().count()), (7, 4));
-    assert!(text("events.jsonl").contains("6 cycles before this were not written"), "{}", text("events.jsonl"));
+    let events = text("events.jsonl");
+    assert!(events.contains("6 cycles before this were not written"), "{events}");
+    assert_eq!(events.matches("frames are not kept from here on").count(), 1, "{events}");
 }
 
 /// Passes what it was shown to the test's thread, one cycle at a time.

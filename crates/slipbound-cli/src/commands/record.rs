@@ -3,7 +3,7 @@
 use super::inputs;
 use super::recording::{open_recording, refuse_images_of_one_folder, refused, simulated_sensor};
 use crate::interruption;
-use crate::outcome::{Failure, Outcome};
+use crate::outcome::{Failure, Outcome, unless_reader_left};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
 use slipbound::hand::Side;
@@ -91,6 +91,8 @@ impl Record {
         let interrupted = stop.swap(true, Ordering::Relaxed);
         let (mut whole_count, mut torn_count, mut is_cut) = (0, 0, false);
         let (mut failed, mut torn) = (None, None);
+        // A reader of standard output that has gone costs the recording nothing.
+        let mut said = Ok(());
         for ((thread, tally), name) in running.into_iter().zip(&names) {
             match thread.join() {
                 Ok(Ok(counted)) => {
@@ -102,7 +104,7 @@ impl Record {
                     is_cut |= interrupted && !is_whole && tally.is_none();
                     let told = tally
                         .map_or(format!("{frames} frames, {torn_frames} torn"), |tally| tally.counts().to_string());
-                    terminal.say(&format!("{name}: {told}"))?;
+                    said = said.and(terminal.say(&format!("{name}: {told}")));
                 }
                 Ok(Err(error)) => drop(failed.get_or_insert(error)),
                 Err(_) => return Err(anyhow!("{name}: the thread that reads it has panicked").into()),
@@ -128,11 +130,12 @@ impl Record {
             return Err(anyhow!("interrupted after {seen_count} frames; what was recorded is kept").into());
         }
         let written = recorder.finish().map_err(|e| Failure::Work(e.into()))?;
-        terminal.say(&format!("{}: {} frames", self.output.display(), written.frames_count))?;
+        said = said.and(terminal.say(&format!("{}: {} frames", self.output.display(), written.frames_count)));
         if written.lost_count > 0 {
             terminal.note(&format!("{} frames were not recorded: the disk did not keep up", written.lost_count));
         }
-        Ok(if torn_count + written.lost_count > 0 { Outcome::DataLost } else { Outcome::Done })
+        let outcome = if torn_count + written.lost_count > 0 { Outcome::DataLost } else { Outcome::Done };
+        unless_reader_left(said).map(|()| outcome)
     }
 
     fn wait(&self, stop: &AtomicBool, recorder: &Recorder, running: &[Running], terminal: &Terminal) {

@@ -1,7 +1,7 @@
 //! The recording in one file of `run`, `hold` and `demo`: its description before the run, what is missing from it after.
 
 use crate::outcome::Failure;
-use crate::run_output::RunOutput;
+use crate::run_output::{LONGEST_DISK, RunOutput};
 use slipbound_rig::container::{Recorder, Written};
 use slipbound_rig::run::RunInfo;
 
@@ -24,7 +24,7 @@ pub fn describe(recorder: &Recorder, info: &RunInfo) -> Result<(), Failure> {
 
 /// Closes a recording, and reports what is missing from it.
 pub fn finish(recorder: Option<Recorder>, output: &mut RunOutput) {
-    match recorder.map(Recorder::finish) {
+    match recorder.map(|recorder| recorder.finish_within(LONGEST_DISK)) {
         None => {}
         Some(Ok(written)) if written.lost_count == 0 => {}
         Some(Ok(Written { lost_count, .. })) => {

@@ -16,7 +16,7 @@ pub use args::{Watch, live_count};
 use super::finger;
 use super::recording::{self, LiveCamera};
 use crate::interruption;
-use crate::outcome::{Failure, Outcome};
+use crate::outcome::{Failure, Outcome, unless_reader_left};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
 use args::RestArgument;
@@ -192,7 +192,8 @@ impl Watch {
         let Progress { mut terminal, summary, first_slip, batch } = progress;
         terminal.clear_bar();
         if matches!(ended, Err(Failure::ReaderLeft)) {
-            let _ = recorder.map(Recorder::finish); // nobody is left to report to
+            // Nobody is left to report to; what is kept elsewhere is whole.
+            let _ = (outputs.finish_overlay(), outputs.close(&summary), recorder.map(Recorder::finish));
             return Err(Failure::ReaderLeft);
         }
         let drawn = outputs.finish_overlay();
@@ -200,15 +201,12 @@ impl Watch {
         drawn.iter().flatten().for_each(|note| terminal.note(note)); // whatever else fails
         let closed = outputs.close(&summary).and(drawn.map(drop));
         let lines = if batch.is_some() { Vec::new() } else { summary.lines() };
-        for line in lines {
-            terminal.say(&line)?;
-        }
-        if let Some(camera) = &camera {
-            terminal.say(&format!("camera: {}", camera.line()))?;
-        }
+        let camera_line = camera.iter().map(|camera| format!("camera: {}", camera.line()));
+        let said = lines.into_iter().chain(camera_line).try_for_each(|line| terminal.say(&line));
         // A failure leaves the recording without its end: its reader is told that it is cut off.
         ended.and(closed)?;
         let is_lossless = recorder.map_or(Ok(true), |recorder| finish(recorder, &terminal));
+        unless_reader_left(said)?;
         let frames_count = summary.frames_count();
         if frames_count > 0 && summary.count(SlipState::Unjudged) == frames_count {
             let why = summary.lines().split_off(1).join("; ");

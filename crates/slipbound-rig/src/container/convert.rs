@@ -15,7 +15,7 @@ use super::foxglove;
 use super::frame_record::{Fate, FrameRecord, camera_topic};
 use super::mcap_writer::{Kind, McapWriter, Times};
 use super::recorder;
-use super::records::Records;
+use super::records::{LONGEST_RECORD_BYTES, Records};
 use crate::config::{read_most, read_most_bytes};
 use crate::replaced_file::ReplacedFile;
 use crate::run::frames::{ListedFrame, frame_file, listed};
@@ -26,6 +26,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Component, Path, PathBuf};
+use std::rc::Rc;
 
 /// Files of JSON lines, and the topics of their lines.
 const LINES: [(&str, &str); 3] =
@@ -36,6 +37,9 @@ const REPORT: &str = ".report.jsonl";
 const FACTS: &str = ".metadata.json";
 /// Media type of settings.
 const TOML: &str = "text/toml";
+
+/// Largest file that is attached, bytes: with its name, the record is one that can be read again.
+const MOST_ATTACHMENT_BYTES: u64 = LONGEST_RECORD_BYTES - (1 << 16);
 
 /// What was converted, and what was not.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -154,9 +158,16 @@ impl RunToMcap<'_> {
         let mut lines = Vec::new();
         for name in &self.names {
             let path = self.folder.join(name);
+            let length = fs::metadata(&path).map_or(0, |facts| facts.len());
+            if topic_of_lines(name).is_none() && length > MOST_ATTACHMENT_BYTES {
+                let left_out =
+                    format!("{name}, which has {length} bytes: an attachment has at most {MOST_ATTACHMENT_BYTES}");
+                self.converted.left_out.push(left_out);
+                continue;
+            }
             let bytes = settings.remove(name).map_or_else(|| read(&path), Ok)?;
             if let Some(topic) = topic_of_lines(name) {
-                lines.extend(dated(&topic, &bytes));
+                lines.extend(dated(name, &topic, &bytes));
             } else if let Some(name) = name.strip_suffix(FACTS) {
                 let facts = serde_json::from_slice(&bytes)
                     .map_err(|e| Error::Syntax { path: path.clone(), problem: e.to_string() })?;
@@ -175,12 +186,12 @@ impl RunToMcap<'_> {
 
     /// Writes a line, after the images of the frames that it names.
     fn write_line(&mut self, line: &Dated) -> Result<(), ConvertError> {
-        let Dated { topic, time_ns, json } = line;
+        let Dated { topic, time_ns, json, .. } = line;
         let (times, mut seq) = (Times::both(*time_ns), 0);
         if topic == "/cycle/frames" {
             self.write_frames_of_cycle(line)?;
         } else if let Some(finger) = topic.strip_prefix('/').and_then(|topic| topic.strip_suffix("/frame")) {
-            let record: FrameRecord = serde_json::from_slice(json).map_err(|e| self.wrong_line(topic, &e))?;
+            let record: FrameRecord = serde_json::from_slice(json).map_err(|e| self.wrong_line(line, &e))?;
             seq = record.seq;
             match self.write_picture(finger, &record, times)? {
                 Picture::Written => self.converted.frames_count += 1,
@@ -200,14 +211,14 @@ impl RunToMcap<'_> {
     /// Writes the frames of a line of `frames.jsonl`, except for fingers with a file of their own, which has more detail.
     fn write_frames_of_cycle(&mut self, line: &Dated) -> Result<(), ConvertError> {
         let text = String::from_utf8_lossy(&line.json);
-        let frames = listed(&text).map_err(|e| self.wrong_line(&line.topic, &e))?;
+        let frames = listed(&text).map_err(|e| self.wrong_line(line, &e))?;
         for (finger, frame) in self.fingers.clone().iter().zip(frames) {
             let Some(frame) = frame else { continue };
             if self.names.contains(&format!("{finger}{RECORDS}")) {
                 continue;
             }
             let record = record_of(&frame);
-            let json = serde_json::to_vec(&record).map_err(|e| self.wrong_line(&line.topic, &e))?;
+            let json = serde_json::to_vec(&record).map_err(|e| self.wrong_line(line, &e))?;
             let times = Times::both(record.time_ns.unwrap_or(line.time_ns));
             match self.write_picture(finger, &record, times)? {
                 Picture::Missing => self.missing.push(frame_file(finger, record.seq)),
@@ -220,8 +231,9 @@ impl RunToMcap<'_> {
         Ok(())
     }
 
-    fn wrong_line(&self, topic: &str, error: &serde_json::Error) -> Error {
-        Error::Syntax { path: self.folder.join(topic), problem: error.to_string() }
+    fn wrong_line(&self, line: &Dated, error: &serde_json::Error) -> Error {
+        let problem = format!("line {}: {error}", line.number);
+        Error::Syntax { path: self.folder.join(&*line.file), problem }
     }
 
     /// Writes the image of a frame, where it is kept.
@@ -247,22 +259,27 @@ impl RunToMcap<'_> {
 
 /// A line and its time, ns.
 struct Dated {
+    /// Its file, and its number there, from 1.
+    file: Rc<str>,
+    number: usize,
     topic: String,
     time_ns: u64,
     json: Vec<u8>,
 }
 
 /// The complete lines of a file; each is dated by the latest time found in it or before it.
-fn dated(topic: &str, bytes: &[u8]) -> Vec<Dated> {
+fn dated(file: &str, topic: &str, bytes: &[u8]) -> Vec<Dated> {
     let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(&[][..], |end| &bytes[..end]);
     let mut latest_ns = 0;
     let mut lines = Vec::new();
-    for json in whole.split(|byte| *byte == b'\n').filter(|_| !whole.is_empty()) {
+    let file: Rc<str> = file.into();
+    for (i, json) in whole.split(|byte| *byte == b'\n').enumerate().filter(|_| !whole.is_empty()) {
         let value: serde_json::Value = serde_json::from_slice(json).unwrap_or_default();
         let own_ns = value["time_ns"].as_u64();
         let of_fingers = value["fingers"].as_array().into_iter().flatten().filter_map(|f| f["time_ns"].as_u64()).max();
         latest_ns = own_ns.or(of_fingers).unwrap_or(0).max(latest_ns);
-        lines.push(Dated { topic: topic.into(), time_ns: latest_ns, json: json.to_vec() });
+        let (file, number) = (file.clone(), i + 1);
+        lines.push(Dated { file, number, topic: topic.into(), time_ns: latest_ns, json: json.to_vec() });
     }
     lines
 }
@@ -313,6 +330,7 @@ pub fn to_folder(file: &Path, folder: &Path) -> Result<Converted, ConvertError> 
     let mut converted = Converted::default();
     let (mut schemas, mut channels) = (HashMap::new(), HashMap::new());
     let (mut pixels_count, mut annotations_count) = (0u64, 0u64);
+    let mut unknown: BTreeMap<(String, String), u64> = BTreeMap::new();
     while let Some(record) = records.next_record() {
         match record {
             Record::Schema { header, .. } => drop(schemas.insert(header.id, header.name)),
@@ -351,13 +369,14 @@ pub fn to_folder(file: &Path, folder: &Path) -> Result<Converted, ConvertError> 
                     }
                     (None, foxglove::RAW, _) => pixels_count += 1,
                     (None, super::annotations::SCHEMA, _) => annotations_count += 1,
-                    _ => converted.left_out.push(format!("a message {schema} of {topic}")),
+                    _ => *unknown.entry((topic.clone(), schema.clone())).or_default() += 1,
                 }
             }
             _ => {}
         }
     }
-    converted.left_out.dedup();
+    let told = unknown.iter().map(|((topic, schema), count)| format!("{count} messages {schema} of {topic}"));
+    converted.left_out.extend(told);
     if pixels_count > 0 {
         converted.left_out.push(format!("{pixels_count} frames that came as pixels"));
     }

@@ -8,7 +8,7 @@ use super::tap::ReportLines;
 use crate::link::time_of_day_ns;
 use crate::report_json::{Header, ReportJson, RestOrigin};
 use crate::run::event::EventLog;
-use crate::run::{CameraLimits, Event, RunInfo, RunNotes, TimedEvent, frames, line, lost_text};
+use crate::run::{CameraLimits, Event, RunInfo, RunNotes, TimedEvent, UNKEPT, frames, line, lost_text};
 use slipbound::control::{CycleObserver, CycleView};
 use slipbound::finger_pipeline::FingerView;
 use slipbound::monitor::{SlipMonitor, SlipReport};
@@ -26,6 +26,8 @@ pub struct McapObserver {
     keeps_frames: bool,
     /// Whether any cycle was lost before it got here, and how many since the last one that arrived.
     has_gap: bool,
+    /// Whether the events say that frames are not kept from there on.
+    has_told_gap: bool,
     lost_count: u64,
 }
 
@@ -35,7 +37,18 @@ impl McapObserver {
         let reports = info.fingers.iter().map(|_| None).collect();
         let log = EventLog::new(&info);
         let notes = RunNotes::default();
-        McapObserver { inlet, info, sources, reports, log, notes, keeps_frames: false, has_gap: false, lost_count: 0 }
+        McapObserver {
+            inlet,
+            info,
+            sources,
+            reports,
+            log,
+            notes,
+            keeps_frames: false,
+            has_gap: false,
+            has_told_gap: false,
+            lost_count: 0,
+        }
     }
 
     /// `count` cycles before the next one were lost before they got here. The frames of each cycle are recorded up to
@@ -138,8 +151,12 @@ impl CycleObserver for McapObserver {
                 Err(_) => self.has_gap = true,
             }
         }
+        let has_gap = self.has_gap || self.inlet.has_gap();
+        if has_gap && !std::mem::replace(&mut self.has_told_gap, has_gap) {
+            self.event(view.now_ns, Event::Note { text: UNKEPT.into() });
+        }
         // After the cycle: with a line of frames alone, a replay would run a cycle that was not recorded.
-        if let (false, Some(Ok(json))) = (self.has_gap || self.inlet.has_lost(), frames::line(view)) {
+        if let (false, Some(Ok(json))) = (has_gap, frames::line(view)) {
             self.line("/cycle/frames", json);
         }
         let Some(cycle) = cycle else { return };

@@ -64,7 +64,8 @@ impl McapSource {
         let frames = frame_topic(&topic).and_then(|name| survey.frames.get(&name).cloned());
         let known = frames.map(|records| {
             let judges = records.iter().any(|record| record.fate != Fate::Recorded);
-            let bare = records.iter().filter(|r| r.torn.is_some() && !r.is_kept && r.fate != Fate::Skipped);
+            // Torn, or its bytes were lost on the way to the disk.
+            let bare = records.iter().filter(|r| !r.is_kept && r.fate != Fate::Skipped);
             let mut bare: Vec<FrameRecord> = bare.cloned().collect();
             bare.sort_by_key(|record| std::cmp::Reverse(record.seq));
             Known { judges, bare, frames: records.into_iter().map(|record| (record.seq, record)).collect() }
@@ -116,7 +117,8 @@ impl McapSource {
         let record = known.bare.pop_if(|record| record.seq < seq)?;
         (into.seq, into.time_ns, into.clock) = (record.seq, record.time_ns, record.clock);
         into.encoded.clear();
-        Some(Next::Torn { reason: record.torn.unwrap_or_default() })
+        let lost = || "its bytes were not recorded: the disk did not keep up".to_owned();
+        Some(Next::Torn { reason: record.torn.unwrap_or_else(lost) })
     }
 }
 

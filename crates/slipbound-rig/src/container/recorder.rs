@@ -10,9 +10,9 @@ use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SendError, SyncSender, TrySendError, sync_channel};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Items that may wait for the disk: one to two seconds of two fingers.
 const QUEUE_COUNT: usize = 128;
@@ -44,6 +44,14 @@ pub enum Error {
         path: PathBuf,
         /// Why.
         source: Box<mcap::McapError>,
+    },
+    /// The file took nothing more at the end.
+    #[error("{}: not finished: it has taken nothing for {waited_s} s", path.display())]
+    Blocked {
+        /// The file.
+        path: PathBuf,
+        /// How long it was waited for, s.
+        waited_s: u64,
     },
     /// The writing thread has panicked.
     #[error("{}: the thread that writes it has panicked", path.display())]
@@ -119,22 +127,32 @@ pub(super) enum Item {
 pub struct Inlet {
     to: SyncSender<Item>,
     lost: Arc<AtomicU64>,
+    /// Whether something was lost that a replay needs.
+    gap: Arc<AtomicBool>,
     accepts: Arc<AtomicBool>,
 }
 
 impl Inlet {
     /// Hands in an item if there is room; otherwise it is lost and counted. False when it was lost.
     pub(super) fn offer(&self, item: Item) -> bool {
-        let is_taken = self.to.try_send(item).is_ok();
-        if !is_taken {
-            self.lost.fetch_add(1, Ordering::Relaxed);
+        let refused = self.to.try_send(item).err();
+        if let Some(TrySendError::Full(item) | TrySendError::Disconnected(item)) = &refused {
+            self.count_lost(item);
         }
-        is_taken
+        refused.is_none()
     }
 
-    /// Whether anything that was handed in was lost.
-    pub(super) fn has_lost(&self) -> bool {
-        self.lost.load(Ordering::Relaxed) > 0
+    fn count_lost(&self, item: &Item) {
+        self.lost.fetch_add(1, Ordering::Relaxed);
+        // Annotations follow from the frames.
+        if !matches!(item, Item::Annotations { .. }) {
+            self.gap.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Whether anything was lost that a replay needs.
+    pub(super) fn has_gap(&self) -> bool {
+        self.gap.load(Ordering::Relaxed)
     }
 
     /// Whether frames of cameras are recorded yet.
@@ -144,8 +162,8 @@ impl Inlet {
 
     /// Hands in an item that must not be lost: waits for room.
     pub(super) fn send(&self, item: Item) {
-        if self.to.send(item).is_err() {
-            self.lost.fetch_add(1, Ordering::Relaxed);
+        if let Err(SendError(item)) = self.to.send(item) {
+            self.count_lost(&item);
         }
     }
 }
@@ -169,7 +187,7 @@ impl Recorder {
         let fingers = fingers.to_vec();
         let (to, items) = sync_channel(QUEUE_COUNT);
         let thread = thread::spawn(move || write_all(file, fingers, judges, &items));
-        let inlet = Inlet { to, lost: Arc::default(), accepts: Arc::default() };
+        let inlet = Inlet { to, lost: Arc::default(), gap: Arc::default(), accepts: Arc::default() };
         Ok(Recorder { path: path.to_owned(), inlet, thread: Some(thread) })
     }
 
@@ -204,9 +222,37 @@ impl Recorder {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
+    /// The same, but waits for this long at most: a file that takes nothing is left as it is.
+    pub fn finish_within(mut self, longest: Duration) -> Result<Written, Error> {
+        let until = Instant::now() + longest;
+        let mut item = Item::End;
+        while let Err(TrySendError::Full(refused)) = self.inlet.to.try_send(item) {
+            item = refused;
+            self.wait_until(until, longest)?;
+        }
+        while !self.has_failed() {
+            self.wait_until(until, longest)?;
+        }
+        self.join()
+    }
+
+    /// A moment; fails where it is too late, and then nobody waits for the file any more.
+    fn wait_until(&mut self, until: Instant, longest: Duration) -> Result<(), Error> {
+        if Instant::now() >= until {
+            self.thread = None;
+            return Err(Error::Blocked { path: self.path.clone(), waited_s: longest.as_secs() });
+        }
+        thread::sleep(Duration::from_millis(5));
+        Ok(())
+    }
+
     /// Closes the file. Anything handed in later is counted as lost, without an error.
     pub fn finish(mut self) -> Result<Written, Error> {
         self.inlet.send(Item::End);
+        self.join()
+    }
+
+    fn join(&mut self) -> Result<Written, Error> {
         let lost_count = self.inlet.lost.load(Ordering::Relaxed);
         match self.thread.take().map(JoinHandle::join) {
             Some(Ok(Ok(frames_count))) => Ok(Written { frames_count, lost_count }),

@@ -17,7 +17,7 @@ use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 /// Longest record that is read, bytes; a damaged length asks for more.
-const LONGEST_RECORD_BYTES: u64 = 256 << 20;
+pub(super) const LONGEST_RECORD_BYTES: u64 = 256 << 20;
 /// Most that a chunk may hold, unpacked, bytes; tools write chunks of 1 to 8 MB.
 const MOST_CHUNK_BYTES: u64 = 1 << 30;
 /// Length of a chunk that was being written when its program was killed.
@@ -47,6 +47,8 @@ pub(super) struct Records {
     pub broken: Option<String>,
     /// What is wrong with the chunk that was read last.
     pub damaged: Option<String>,
+    /// Attachments whose bytes are not those that were written.
+    damaged_attachments_count: u64,
 }
 
 /// A chunk that is being read.
@@ -82,12 +84,23 @@ impl Records {
             false => "expected a file of MCAP, got none",
         };
         let broken = (!is_mcap).then(|| damage_message(why));
-        Ok(Records { input, chunk: None, chunks_count: 0, is_ours: false, is_over: !is_mcap, broken, damaged: None })
+        Ok(Records {
+            input,
+            chunk: None,
+            chunks_count: 0,
+            is_ours: false,
+            is_over: !is_mcap,
+            broken,
+            damaged: None,
+            damaged_attachments_count: 0,
+        })
     }
 
     /// What is wrong with the file, as far as it was read.
     pub fn damage(&self) -> impl Iterator<Item = String> {
-        self.damaged.iter().chain(&self.broken).cloned()
+        let count = self.damaged_attachments_count;
+        let attachments = (count > 0).then(|| format!("{count} attachments that are damaged"));
+        self.damaged.iter().chain(&self.broken).cloned().chain(attachments)
     }
 
     /// The next record; None at the end, and where the file cannot be followed.
@@ -130,7 +143,7 @@ impl Records {
             if magic != *mcap::MAGIC {
                 return Err("expected the end of the file, got more".into());
             }
-            let has_summary = matches!(parsed(kind, &data)?, Record::Footer(footer) if footer.summary_start != 0);
+            let has_summary = matches!(parsed(kind, &data)?, Some(Record::Footer(footer)) if footer.summary_start != 0);
             return if self.is_ours && !has_summary {
                 Err("its program was killed or has failed".into())
             } else {
@@ -138,10 +151,11 @@ impl Records {
             };
         }
         let record = parsed(kind, &data)?;
-        if let Record::Header(header) = &record {
+        self.damaged_attachments_count += u64::from(record.is_none());
+        if let Some(Record::Header(header)) = &record {
             self.is_ours = header.library.starts_with(LIBRARY);
         }
-        Ok(Some(record))
+        Ok(record)
     }
 
     fn begin_chunk(&mut self, length: u64) -> Result<(), Broken> {
@@ -204,7 +218,9 @@ impl Records {
         let count = HEAD_BYTES + length as usize;
         let record = parsed(kind, &chunk.fill(count, &mut self.input).map_err(in_chunk)?[HEAD_BYTES..]);
         chunk.used += count;
-        record.map(Some).map_err(in_chunk)
+        let record = record.map_err(in_chunk)?;
+        self.damaged_attachments_count += u64::from(record.is_none());
+        Ok(record)
     }
 
     /// Skips the rest of the chunk in the file and verifies that the unpacked content is what was written.
@@ -304,8 +320,28 @@ fn split_head([kind, length @ ..]: [u8; HEAD_BYTES]) -> (u8, u64) {
     (kind, u64::from_le_bytes(length))
 }
 
-fn parsed(kind: u8, data: &[u8]) -> Result<Record<'static>, Broken> {
-    mcap::parse_record(kind, data).map(Record::into_owned).map_err(|e| e.to_string())
+/// None for an attachment whose bytes are not those that were written: the record is whole, and reading goes on.
+fn parsed(kind: u8, data: &[u8]) -> Result<Option<Record<'static>>, Broken> {
+    if kind == op::ATTACHMENT && !holds_attachment(data) {
+        return Err("an attachment that is shorter than it says".into());
+    }
+    match mcap::parse_record(kind, data) {
+        Ok(record) => Ok(Some(record.into_owned())),
+        Err(mcap::McapError::BadAttachmentCrc { .. }) => Ok(None),
+        Err(e) => Err(e.to_string()),
+    }
+}
+
+/// Whether the lengths in an attachment are such that it ends with its checksum: two times, name, media type, data.
+fn holds_attachment(data: &[u8]) -> bool {
+    let Some((_, mut rest)) = data.split_at_checked(16) else { return false };
+    for _ in 0..2 {
+        let Some((length, after)) = rest.split_first_chunk::<4>() else { return false };
+        let Some((_, after)) = after.split_at_checked(u32::from_le_bytes(*length) as usize) else { return false };
+        rest = after;
+    }
+    let Some((length, after)) = rest.split_first_chunk::<8>() else { return false };
+    u64::from_le_bytes(*length).checked_add(4).is_some_and(|most| most <= after.len() as u64)
 }
 
 fn words(e: io::Error) -> Broken {

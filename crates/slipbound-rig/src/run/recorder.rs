@@ -20,6 +20,8 @@ pub struct RunRecorder {
     /// Whether something was not written: later frames are not kept then, because a replay goes cycle by cycle up to
     /// the gap.
     has_gap: bool,
+    /// Cycles after the gap: their frames were not kept.
+    unkept_count: u64,
     /// Cycles lost before they got here, since the last one that arrived.
     lost_count: u64,
     notes: RunNotes,
@@ -37,6 +39,7 @@ impl RunRecorder {
             overlays: info.fingers.iter().map(|finger| Overlay::new(&finger.sensor).for_stills()).collect(),
             frames,
             has_gap: false,
+            unkept_count: 0,
             lost_count: 0,
             notes: RunNotes::default(),
             failed_count: 0,
@@ -72,6 +75,11 @@ impl RunRecorder {
     /// Lines and images that could not be written, and the first reason.
     pub fn failures(&self) -> (u64, Option<&Error>) {
         (self.failed_count, self.first_failure.as_ref())
+    }
+
+    /// Cycles whose frames were not kept, because something before was not written.
+    pub fn unkept_count(&self) -> u64 {
+        self.unkept_count
     }
 
     /// Writes the results and the page; returns its path. `ending`: None for a loop that was interrupted.
@@ -110,6 +118,10 @@ impl RunRecorder {
     }
 }
 
+/// The event text where frames are no longer kept.
+pub(crate) const UNKEPT: &str =
+    "frames are not kept from here on, because something was not written: a replay goes to here";
+
 /// The event text for lost cycles.
 pub(crate) fn lost_text(count: u64) -> String {
     let cycles = if count == 1 { "cycle" } else { "cycles" };
@@ -129,7 +141,12 @@ impl CycleObserver for RunRecorder {
             self.count(written);
         }
         match &mut self.frames {
-            Some(_) if self.has_gap => self.failed_count += 1,
+            Some(_) if self.has_gap => {
+                if self.unkept_count == 0 {
+                    self.note(view.now_ns, UNKEPT);
+                }
+                self.unkept_count += 1;
+            }
             Some(frames) => {
                 let kept = frames.keep(view);
                 self.count(kept);

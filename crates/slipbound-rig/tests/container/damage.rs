@@ -188,3 +188,46 @@ proptest! {
         }
     }
 }
+
+/// The length of the data, and no room for it.
+#[test]
+fn an_attachment_that_is_shorter_than_it_says_is_an_error_and_no_panic() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    for (body, name_bytes) in [(32, 0u32), (35, 0), (31, 0), (40, 5), (40, u32::MAX), (15, 0)] {
+        let mut bytes = mcap::MAGIC.to_vec();
+        bytes.push(9);
+        bytes.extend((body as u64).to_le_bytes());
+        let mut record = vec![0; body];
+        if body > 20 {
+            record[16..20].copy_from_slice(&name_bytes.to_le_bytes());
+        }
+        bytes.extend(record);
+        fs::write(&path, bytes).expect("writes");
+        let said = source::open(path.to_str().expect("UTF-8")).err().expect("no frame").to_string();
+        assert!(said.contains("an attachment that is shorter than it says"), "{body}: {said}");
+    }
+}
+
+#[test]
+fn an_attachment_that_is_damaged_costs_nothing_but_itself() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let (path, folder) = (scratch.path().join("run.mcap"), scratch.path().join("run"));
+    let recorder = Recorder::create(&path, &["left".into()], false).expect("creates");
+    recorder.attach("page.html", "text/html", b"a page that is damaged below".to_vec());
+    recorder.attach("whole.html", "text/html", b"a page".to_vec());
+    recorder.begin();
+    let mut tapped = TappedSource::new(Script { seqs: vec![2, 1, 0] }, 0, recorder.inlet(), true);
+    let mut frame = FrameBuffer::default();
+    while tapped.next(&mut frame).expect("goes on") != Next::End {}
+    recorder.finish().expect("closes");
+    let mut bytes = fs::read(&path).expect("reads");
+    let at = bytes.windows(7).position(|window| window == b"damaged").expect("the page");
+    bytes[at] ^= 1;
+    fs::write(&path, bytes).expect("writes");
+    let (seen, told) = drain(path.to_str().expect("UTF-8"));
+    assert_eq!((seen.len(), told), (3, None));
+    let converted = slipbound_rig::container::to_folder(&path, &folder).expect("the rest is there");
+    assert_eq!((converted.files_count, converted.frames_count), (1, 3));
+    assert!(converted.left_out.contains(&"1 attachments that are damaged".to_owned()), "{:?}", converted.left_out);
+}

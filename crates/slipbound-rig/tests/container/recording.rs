@@ -3,7 +3,7 @@
 use crate::{Script, drain, record};
 use slipbound::image::SizePx;
 use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat};
-use slipbound_rig::container::{self, Recorder, TappedSource};
+use slipbound_rig::container::{self, MarkedSource, Recorder, TappedSource};
 use slipbound_rig::source;
 use std::fs;
 
@@ -158,4 +158,72 @@ fn grey_pixels_stay_grey() {
     let mut frame = FrameBuffer::default();
     assert_eq!(source.next(&mut frame).expect("goes on"), Next::Frame);
     assert_eq!((frame.seq, frame.format, frame.size), (4, PixelFormat::Gray, SizePx::new(64, 48)));
+}
+
+/// The disk did not keep up: that the second frame was judged is in the file, but not its bytes.
+#[test]
+fn a_judged_frame_whose_bytes_were_lost_is_torn_at_its_place() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let path = scratch.path().join("run.mcap");
+    let recorder = Recorder::create(&path, &["left".into()], true).expect("creates");
+    recorder.begin();
+    let mut frame = FrameBuffer::default();
+    for seq in 0..3 {
+        if seq != 1 {
+            let mut tapped = TappedSource::new(Script { seqs: vec![seq] }, 0, recorder.inlet(), true);
+            tapped.next(&mut frame).expect("goes on");
+        }
+        let mut marked = MarkedSource::new(Script { seqs: vec![seq] }, 0, recorder.inlet(), true);
+        marked.next(&mut frame).expect("goes on");
+    }
+    recorder.finish().expect("closes");
+    let mut source = source::open(path.to_str().expect("UTF-8")).expect("opens");
+    let mut next = || (source.next(&mut frame).expect("goes on"), frame.seq);
+    let given = [next(), next(), next(), next()];
+    assert_eq!([0, 2].map(|i| given[i].clone()), [(Next::Frame, 0), (Next::Frame, 2)]);
+    let Next::Torn { reason } = &given[1].0 else { panic!("{given:?}") };
+    assert!(reason.contains("were not recorded") && given[1].1 == 1, "{reason}");
+    assert_eq!(given[3].0, Next::End);
+}
+
+#[test]
+fn a_file_that_nothing_could_read_again_is_left_out_and_a_spoilt_line_is_named() {
+    let scratch = tempfile::tempdir().expect("a folder");
+    let [folder, file] = ["run", "run.mcap"].map(|name| scratch.path().join(name));
+    record(&file, 4, |_| true);
+    container::to_folder(&file, &folder).expect("is unpacked");
+    fs::File::create(folder.join("left.avi")).and_then(|avi| avi.set_len(300 << 20)).expect("a sparse file");
+    let converted = container::to_mcap(&folder, &file).expect("the rest is carried over");
+    assert!(converted.left_out[0].starts_with("left.avi, which has 314572800 bytes"), "{:?}", converted.left_out);
+    assert_eq!(drain(file.to_str().expect("UTF-8")).0.len(), 4);
+    let records = folder.join("left.frames.jsonl");
+    let lines = fs::read_to_string(&records).expect("lines");
+    fs::write(&records, lines.replacen("{\"seq\":2", "{\"seq\":x", 1)).expect("writes");
+    let said = container::to_mcap(&folder, &file).expect_err("spoilt").to_string();
+    assert!(said.contains("left.frames.jsonl: line 3: expected value"), "{said}");
+}
+
+/// A bag of another program, with two topics in turn.
+#[test]
+fn messages_that_a_folder_cannot_hold_are_told_by_topic_with_their_number() {
+    use std::collections::BTreeMap;
+    let scratch = tempfile::tempdir().expect("a folder");
+    let [folder, path] = ["run", "bag.mcap"].map(|name| scratch.path().join(name));
+    let file = std::io::BufWriter::new(fs::File::create(&path).expect("creates"));
+    let mut writer = mcap::Writer::new(file).expect("writes");
+    let schema = writer.add_schema("std_msgs/msg/String", "ros2msg", b"string data").expect("writes");
+    let topics = ["/a", "/b"].map(|topic| writer.add_channel(schema, topic, "cdr", &BTreeMap::new()).expect("writes"));
+    for n in 0..10u32 {
+        let header = mcap::records::MessageHeader {
+            channel_id: topics[n as usize % 2],
+            sequence: n,
+            log_time: n.into(),
+            publish_time: n.into(),
+        };
+        writer.write_to_known_channel(&header, &[0; 8]).expect("writes");
+    }
+    writer.finish().expect("writes");
+    let converted = container::to_folder(&path, &folder).expect("is unpacked");
+    let told = ["/a", "/b"].map(|topic| format!("5 messages std_msgs/msg/String of {topic}"));
+    assert_eq!(converted.left_out, told);
 }
