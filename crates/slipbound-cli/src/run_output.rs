@@ -88,12 +88,18 @@ impl RunOutput {
         if let Some(recorder) = &mut self.parts.recorder {
             recorder.end_cycles();
         }
+        if let Some(container) = &mut self.parts.container {
+            container.end_cycles();
+        }
     }
 
     /// A note that no cycle shows.
     pub fn note(&mut self, now_ns: u64, text: &str) {
         if let Some(recorder) = &mut self.parts.recorder {
             recorder.note(now_ns, text);
+        }
+        if let Some(container) = &mut self.parts.container {
+            container.note(now_ns, text);
         }
         self.parts.console.note(now_ns, text);
     }
@@ -103,9 +109,9 @@ impl RunOutput {
         self.lost.push(what);
     }
 
-    /// A line for the user only.
+    /// A line for the user only: a run goes on without its reader.
     pub fn say(&mut self, line: &str) -> Result<(), Failure> {
-        self.parts.console.terminal.say(line)
+        unless_reader_left(self.parts.console.terminal.say(line))
     }
 
     /// Folder and terminal behind queues of their own, so that neither delays a cycle.
@@ -178,13 +184,16 @@ impl QueuedOutput {
         let recorder = self.recorder.map(|queue| queue.finish(LONGEST_DISK));
         let (recorder, lost_count) =
             recorder.map_or((None, 0), |Finished { observer, lost_count }| (observer, lost_count));
-        let in_container = self.container.map_or(0, |queue| queue.finish(LONGEST_DISK).lost_count);
+        // A cycle that both have lost is one cycle.
+        let container = self.container.map(|queue| queue.finish(LONGEST_DISK));
+        let (container, in_container) =
+            container.map_or((None, 0), |Finished { observer, lost_count }| (observer, lost_count));
         // A blocked terminal loses nothing that is not in the folder.
         let console = self.console.finish(LONGEST_TERMINAL).observer.unwrap_or_else(|| Console::new(Terminal::plain()));
         // Nor does it prevent the run from writing its page and ending.
         let console = console.with_timeout(LONGEST_TERMINAL);
-        let lost_count = lost_count + in_container;
-        let parts = Parts { recorder, container: None, annotations: None, console };
+        let lost_count = lost_count.max(in_container);
+        let parts = Parts { recorder, container, annotations: None, console };
         let mut output = RunOutput { parts, lost_count, lost: Vec::new() };
         output.end_cycles();
         output

@@ -222,6 +222,15 @@ fn a_run_folder_and_a_recording_hold_the_same_and_each_becomes_the_other() {
         let again = slipbound(&["replay", &path(folder)]);
         assert!(again.status.success(), "{folder}: {}", printed(&again));
     }
+    // Why a run broke off is in both.
+    let broken = ["--task", "lift", "--emulated", "wsg50", "--gripper-fault", "fast-stop@2500"];
+    let record = format!("--record={}", path("broken.mcap"));
+    let ended = demo(Path::new(&path("broken")), &[&broken[..], &[&record]].concat());
+    assert_eq!(ended.status.code(), Some(1), "{}", printed(&ended));
+    convert("broken.mcap", "broken unpacked");
+    let events = |folder: &str| files(Path::new(&path(folder))).remove("events.jsonl").expect("events");
+    let (kept, recorded) = (events("broken"), events("broken unpacked"));
+    assert!(kept.starts_with(&recorded) && String::from_utf8_lossy(&recorded).contains("waited 10 s"));
     // Neither is overwritten, and no name leads out of the folder.
     let refused = slipbound(&["convert", &path("run.mcap"), "-o", &path("run")]);
     assert_eq!(refused.status.code(), Some(2), "{}", printed(&refused));

@@ -3,7 +3,7 @@
 
 mod program;
 
-use program::{command, printed, slipbound};
+use program::{command, printed, slipbound, start_in};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -268,6 +268,13 @@ fn work_that_never_began_and_hands_that_end_empty_are_failures() {
         assert!(ended.is_some_and(|row| row.ends_with(": missed")), "{name}: {told}");
         assert!(scratch.path().join(name).join("report.html").exists(), "{name}");
     }
+    // Nobody reads the results.
+    let args = ["demo", "--task", "lift", "--emulated", "wsg50", "--gripper-fault", "lose-part@2500", "-o", "unread"];
+    let mut child = start_in(scratch.path(), &args);
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("ends");
+    assert_eq!(output.status.code(), Some(1), "{}", printed(&output));
+    assert!(printed(&output).contains("the gripper reports that the object is lost"), "{}", printed(&output));
     // A recording in which the hand stays open: `dry` holds at once, the fingers feel nothing.
     let open = scratch.path().join("open");
     let made = demo(&open, &["--task", "lift", "--set", "longest_s=0.6", "--record"]);

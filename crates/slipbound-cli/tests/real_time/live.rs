@@ -189,6 +189,30 @@ fn record_takes_cameras_as_they_come_and_devices_needs_none() {
     assert!(printed(&rules).contains("SUBSYSTEM==\"video4linux\""), "{}", printed(&rules));
 }
 
+/// As `| tee log` does on Ctrl-C.
+#[test]
+fn a_reader_that_leaves_costs_a_recording_nothing() {
+    for command in [
+        &["record", "-o", "run.mcap", "--sensor", "gelsight_mini_wide"][..],
+        &[&WATCH[..], &["--record", "run.mcap"]].concat(),
+    ] {
+        let scratch = tempfile::tempdir().expect("a folder");
+        let url = serve(Trouble::default());
+        let mut child = start_in(scratch.path(), &[command, &[&url]].concat());
+        let from = Instant::now();
+        while fs::metadata(scratch.path().join("run.mcap")).map_or(0, |facts| facts.len()) < 800_000 {
+            assert!(from.elapsed() < Duration::from_secs(60), "nothing is recorded");
+            thread::sleep(Duration::from_millis(20));
+        }
+        drop(child.stdout.take());
+        signal(&child, "-INT");
+        let ended = child.wait_with_output().expect("ends");
+        assert_eq!(ended.status.code(), Some(0), "{}", printed(&ended));
+        let again = slipbound_in(scratch.path(), &[&WATCH[..], &["run.mcap"]].concat());
+        assert_eq!(again.status.code(), Some(0), "{}", printed(&again));
+    }
+}
+
 #[test]
 fn what_is_judged_in_part_is_recorded_as_cut_off() {
     let scratch = tempfile::tempdir().expect("a folder");

@@ -93,7 +93,8 @@ fn a_file_that_cannot_be_read_is_torn_and_the_others_are_judged() {
 #[test]
 fn a_reader_that_leaves_is_no_failure() {
     let trial = Trial::new(200);
-    let mut command = trial.command(&["watch", "run", SENSOR[0], SENSOR[1], "--json", "-", "--markers"]);
+    let mut command =
+        trial.command(&["watch", "run", SENSOR[0], SENSOR[1], "--json", "-", "--markers", "--report", "page.html"]);
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
     let mut line = String::new();
     BufReader::with_capacity(64, child.stdout.take().expect("a pipe")).read_line(&mut line).expect("reads");
@@ -101,6 +102,7 @@ fn a_reader_that_leaves_is_no_failure() {
     let ended = Ended::of(child.wait_with_output().expect("ends"));
     ended.expect(0, &[]);
     assert_eq!(ended.err, "");
+    assert!(fs::read_to_string(trial.path("page.html")).expect("the page").contains("</html>"));
 }
 
 #[test]

@@ -29,6 +29,8 @@ pub struct McapObserver {
     /// Whether the events say that frames are not kept from there on.
     has_told_gap: bool,
     lost_count: u64,
+    /// Time of the last cycle, ns.
+    last_ns: u64,
 }
 
 impl McapObserver {
@@ -48,6 +50,19 @@ impl McapObserver {
             has_gap: false,
             has_told_gap: false,
             lost_count: 0,
+            last_ns: 0,
+        }
+    }
+
+    /// Records a note that does not follow from a cycle, for example why the loop ended.
+    pub fn note(&mut self, time_ns: u64, text: &str) {
+        self.event(time_ns, Event::Note { text: text.into() });
+    }
+
+    /// No cycle is to follow: a slip in progress ends with the last one.
+    pub fn end_cycles(&mut self) {
+        if let Some(event) = self.log.end() {
+            self.event(self.last_ns, event);
         }
     }
 
@@ -160,6 +175,7 @@ impl CycleObserver for McapObserver {
             self.line("/cycle/frames", json);
         }
         let Some(cycle) = cycle else { return };
+        self.last_ns = cycle.time_ns;
         let reports: Vec<_> = view.fingers.iter().map(|finger| finger.report).collect();
         for event in self.log.see(&cycle, &reports) {
             self.event(cycle.time_ns, event);

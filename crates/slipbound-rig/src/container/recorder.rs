@@ -429,3 +429,29 @@ impl WriterThread {
         self.writer.message(&format!("/{name}/frame"), Kind::Frame, record.seq, Times::both(time_of_day_ns()), &json)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::channel;
+
+    /// A file that takes nothing for as long as the test wants.
+    #[test]
+    fn a_recording_that_takes_nothing_is_not_waited_for_longer_than_it_may_take() {
+        for items_count in [0, 1] {
+            let (to, items) = sync_channel(1);
+            let (leave, blocked) = channel::<()>();
+            let thread = thread::spawn(move || {
+                let _ = blocked.recv();
+                drop(items);
+                Ok(7)
+            });
+            let inlet = Inlet { to, lost: Arc::default(), gap: Arc::default(), accepts: Arc::default() };
+            let recorder = Recorder { path: "run.mcap".into(), inlet, thread: Some(thread) };
+            (0..items_count).for_each(|_| recorder.inlet.send(Item::Begin)); // the queue is full
+            let said = recorder.finish_within(Duration::from_millis(50)).expect_err("it takes nothing");
+            assert!(matches!(&said, Error::Blocked { .. }), "{said}");
+            drop(leave);
+        }
+    }
+}

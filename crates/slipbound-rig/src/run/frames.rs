@@ -15,6 +15,7 @@ use slipbound::port::{FrameBuffer, FrameSource, GripperErrorKind, Next, SourceEr
 use std::collections::VecDeque;
 use std::fmt::Display;
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// What a finger's source gave in a cycle.
@@ -139,9 +140,11 @@ pub(super) type Waiting = Option<GripperErrorKind>;
 /// The frames of every finger of a run, and for each cycle why nothing was commanded, if so.
 pub(super) fn read(folder: &Path, fingers_count: usize) -> Result<(Vec<RecordedSource>, VecDeque<Waiting>), Error> {
     let path = folder.join("frames.jsonl");
-    let text = fs::read_to_string(&path).map_err(|e| Error::Syntax {
-        path: path.clone(),
-        problem: format!("{e}; expected a run that was made with --record"),
+    let text = fs::read_to_string(&path).map_err(|e| match e.kind() {
+        ErrorKind::NotFound => {
+            Error::Syntax { path: path.clone(), problem: format!("{e}; expected a run that was made with --record") }
+        }
+        _ => Error::Read { path: path.clone(), source: e },
     })?;
     let source = |_| RecordedSource { folder: folder.to_owned(), cycles: VecDeque::new() };
     let mut sources: Vec<RecordedSource> = (0..fingers_count).map(source).collect();

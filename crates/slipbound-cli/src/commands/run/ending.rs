@@ -33,15 +33,9 @@ pub struct Ended<'a> {
 
 impl Ended<'_> {
     /// Prints the results, writes the page, and decides whether the work was done. `ran`: what ended the loop.
-    pub fn report(self, ran: anyhow::Result<()>, mut output: RunOutput, scorer: RunScorer) -> Result<Outcome, Failure> {
-        if let Err(e) = &ran {
-            output.note(now_ns(), &terminal::in_words(e));
-        }
+    pub fn report(self, ran: anyhow::Result<()>, output: RunOutput, scorer: RunScorer) -> Result<Outcome, Failure> {
         let RunScorer { mut score, phase, refused_lowering, tallies, .. } = scorer;
-        if let Some(force_n) = self.left_with_n {
-            output.note(now_ns(), &format!("the loop was left: the grip rises to the blind force of {force_n:.1} N"));
-            score.most_n = score.most_n.max(force_n);
-        }
+        score.most_n = score.most_n.max(self.left_with_n.unwrap_or(0.0));
         let is_at_work = ran.is_ok() && self.is_hold && matches!(phase, Some(Phase::Working | Phase::Waiting));
         if is_at_work && self.holds {
             score.ending = Some(Ending::Held); // to the end of the source

@@ -14,7 +14,7 @@ use crate::commands::run_recording;
 use crate::interruption;
 use crate::outcome::{Failure, Outcome};
 use crate::run_output::{RunOutput, RunScorer};
-use crate::terminal::Terminal;
+use crate::terminal::{self, Terminal};
 use anyhow::anyhow;
 use slipbound::control::ControlLoop;
 use slipbound::finger_pipeline::FingerPipeline;
@@ -200,12 +200,19 @@ impl Hardware {
         let mut output = queued.finish();
         let names: Vec<String> = control.fingers().iter().map(|finger| finger.name().to_owned()).collect();
         drop(control); // its sources hand in no more frames
-        run_recording::finish(recorder, &mut output);
         let is_whole = note_frames(&names, &scorer.tallies, &cameras, &mut output);
+        let ran = ran.map_err(anyhow::Error::from);
+        if let Err(e) = &ran {
+            output.note(now_ns(), &terminal::in_words(e));
+        }
+        if let Some(force_n) = left_with_n {
+            output.note(now_ns(), &format!("the loop was left: the grip rises to the blind force of {force_n:.1} N"));
+        }
+        run_recording::finish(recorder, &mut output);
         let (name, is_hold) = (work.name, work.is_hold);
         let sources = &self.sources;
         let ended = Ended { name, is_hold, sources, held_n, left_with_n, holds, missing, window_count, is_whole };
-        ended.report(ran.map_err(Into::into), output, scorer)
+        ended.report(ran, output, scorer)
     }
 
     /// The limits for reports about cameras. Also checks the rate at which recordings are played, and notes doubts about
