@@ -19,6 +19,7 @@ use crate::html_page::markup::{Escaped, base64};
 use crate::html_page::picture;
 use crate::overlay::{FrameCopy, Overlay};
 use crate::report_summary::{ReportSummary, state_name};
+use crate::run::thinned::Thinned;
 use slipbound::events::SlipEvent;
 use slipbound::monitor::{Estimate, SlipMonitor, SlipReport, SlipState};
 use slipbound::plane::Vec2;
@@ -31,6 +32,14 @@ use std::thread;
 /// Times that begin later are wall-clock times: they are counted from the first frame.
 const CLOCK_FROM_NS: u64 = 3_600_000_000_000;
 
+/// Frames from which a page is drawn: of a longer recording, as of a camera over a day, one of two, one of four ..
+const REPORTS_MOST: usize = 1 << 16;
+
+/// Of two frames, the one with the larger deviation from rigid motion.
+fn worse(a: SlipReport, b: SlipReport) -> (SlipReport, bool) {
+    if b.slip.max_pitch > a.slip.max_pitch { (b, true) } else { (a, false) }
+}
+
 /// Collects what the page shows, frame by frame.
 pub struct RecordingPage {
     source: String,
@@ -40,7 +49,9 @@ pub struct RecordingPage {
     pitch: (f64, Option<f64>),
     alarm_margin: Option<f64>,
     pictures: Pictures,
-    reports: Vec<SlipReport>,
+    reports: Thinned<SlipReport>,
+    /// Those that the page shows.
+    shown: Vec<SlipReport>,
     events: Vec<(Place, String)>,
     slips: Vec<Slip>,
 }
@@ -112,7 +123,8 @@ impl RecordingPage {
             pitch: (sensor.pitch_px, sensor.pitch_mm),
             alarm_margin: monitor.settings().slip.alarm_margin(),
             pictures: Pictures::new(sensor),
-            reports: Vec::new(),
+            reports: Thinned::new(REPORTS_MOST, worse),
+            shown: Vec::new(),
             events: Vec::new(),
             slips: Vec::new(),
         }
@@ -129,7 +141,7 @@ impl RecordingPage {
             SlipEvent::Begins { seq, time_ns, .. } | SlipEvent::Ends { seq, time_ns, .. } => (seq, time_ns),
         };
         self.events.push((place, words.to_owned()));
-        let (SlipEvent::Begins { slip, .. }, Some(report)) = (*event, self.reports.last()) else { return };
+        let (SlipEvent::Begins { slip, .. }, Some((_, report))) = (*event, &self.reports.last) else { return };
         if self.slips.len() < PICTURES_MOST {
             self.pictures.draw(frame, report, monitor);
         }
@@ -141,16 +153,17 @@ impl RecordingPage {
         for slip in self.slips.iter_mut().take(PICTURES_MOST).filter(|slip| slip.jpeg.is_none()) {
             slip.jpeg = self.pictures.next();
         }
+        self.shown = self.reports.all();
         PageText(self, summary).to_string()
     }
 
     /// Whether frames carry times; where one does not, all are shown by number.
     fn has_times(&self) -> bool {
-        self.reports.iter().all(|report| report.time_ns.is_some())
+        self.shown.iter().all(|report| report.time_ns.is_some())
     }
 
     fn origin_ns(&self) -> u64 {
-        let first_ns = self.reports.first().and_then(|report| report.time_ns).unwrap_or(0);
+        let first_ns = self.shown.first().and_then(|report| report.time_ns).unwrap_or(0);
         if first_ns > CLOCK_FROM_NS { first_ns } else { 0 }
     }
 
@@ -164,9 +177,9 @@ impl RecordingPage {
 
     fn timeline(&self) -> Option<Timeline> {
         let unit = if self.has_times() { TimeUnit::Seconds } else { TimeUnit::Frames };
-        let times_ns: Vec<u64> = self.reports.iter().map(|report| self.at_ns((report.seq, report.time_ns))).collect();
+        let times_ns: Vec<u64> = self.shown.iter().map(|report| self.at_ns((report.seq, report.time_ns))).collect();
         let axis = TimeAxis::over(*times_ns.first()?, *times_ns.last()?, unit);
-        let states = self.reports.iter().map(|report| shown(report.state));
+        let states = self.shown.iter().map(|report| shown(report.state));
         let band = stretches(times_ns.iter().copied().zip(states));
         let mark = |slip: &Slip| Mark { slip: slip.number, time_ns: self.at_ns(slip.place), title: slip.title.clone() };
         Some(Timeline { axis, times_ns, band, marks: self.slips.iter().map(mark).collect() })
@@ -179,7 +192,7 @@ impl RecordingPage {
         let unit = |mm, pitches| if pitch_mm.is_some() { mm } else { pitches };
         let scale = pitch_mm.unwrap_or(1.0) / pitch_px;
         let line = |name, colour, stroke, value: &dyn Fn(&SlipReport) -> Option<f64>| {
-            let values = self.reports.iter().map(|report| value(report).filter(|value| value.is_finite()));
+            let values = self.shown.iter().map(|report| value(report).filter(|value| value.is_finite()));
             Line { name, colour, stroke, values: values.collect() }
         };
         let panel = Panel::new;
@@ -249,7 +262,7 @@ impl RecordingPage {
 
     fn facts(&self, summary: &ReportSummary) -> Vec<(String, &'static str)> {
         let mut facts = Vec::new();
-        let ends = self.reports.first().zip(self.reports.last());
+        let ends = self.shown.first().zip(self.shown.last());
         if let Some((first_ns, last_ns)) = ends.and_then(|(a, b)| a.time_ns.zip(b.time_ns)).filter(|_| self.has_times())
         {
             facts.push((seconds(last_ns.saturating_sub(first_ns)), "from the first frame to the last"));
