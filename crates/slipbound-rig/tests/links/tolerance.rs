@@ -111,7 +111,7 @@ fn grasping() -> Driver {
 
 #[test]
 fn bytes_that_are_no_message_are_told_of_where_no_message_ever_came() {
-    for name in ["wsg50", "gcl", "robotiq", "line"] {
+    for name in ["wsg50", "gcl", "robotiq", "robotiq-rtu", "line"] {
         let mut driver = driver(name, config(name));
         driver.linked(0);
         for at_ms in [100, 200] {

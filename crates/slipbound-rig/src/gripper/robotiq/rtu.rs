@@ -73,6 +73,8 @@ pub enum Answer {
 #[derive(Debug, Default)]
 pub struct Parser {
     held: Vec<u8>,
+    /// Bytes that belong to no message.
+    passed_over_count: usize,
 }
 
 impl Parser {
@@ -99,6 +101,11 @@ impl Parser {
         !self.held.is_empty()
     }
 
+    /// Number of bytes since the last call that belong to no message.
+    pub fn take_passed_over_count(&mut self) -> usize {
+        std::mem::take(&mut self.passed_over_count)
+    }
+
     /// Drops an incomplete message.
     pub fn clear(&mut self) {
         self.held.clear();
@@ -116,9 +123,11 @@ impl Parser {
                         found(message);
                         start += length;
                     }
-                    Look::None => start += 1,
-                    Look::Short if self.held.len() - start == LONGEST => start += 1,
-                    Look::Short => break,
+                    Look::Short if self.held.len() - start < LONGEST => break,
+                    Look::None | Look::Short => {
+                        start += 1;
+                        self.passed_over_count += 1;
+                    }
                 }
             }
             self.held.drain(..start);

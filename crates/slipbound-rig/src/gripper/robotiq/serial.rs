@@ -8,7 +8,7 @@ use crate::gripper::driver_state::DriverState;
 use crate::gripper::error::Error;
 use crate::gripper::protocol::Protocol;
 use crate::link::InFlight;
-use slipbound::port::GripCommand;
+use slipbound::port::{DriverEvent, GripCommand};
 
 /// How often an unanswered request is sent again before it is reported.
 const REPEATS_COUNT: u32 = 2;
@@ -106,6 +106,10 @@ impl Protocol for Serial {
                 count += 1;
             }
         });
+        let bytes_count = self.parser.take_passed_over_count();
+        if bytes_count > 0 {
+            driver.push_event(DriverEvent::Garbled { bytes_count });
+        }
         for answer in answers.into_iter().flatten() {
             self.take(driver, answer);
         }
