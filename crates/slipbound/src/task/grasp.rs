@@ -12,12 +12,10 @@ use super::step::{Ending, Missing, Observation};
 use crate::grip::{ArmMotion, GripDecision, Guard, arrived};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
-use crate::port::Jaws;
+use crate::port::{GripperState, Jaws};
 
-/// Longest time for a grasp, ns, and the same while the jaws still close: from one end to the other at the least speed
-/// takes twenty seconds.
+/// Longest time for a grasp, ns, from when the jaws last came closer: from one end to the other may take twenty seconds.
 const LONGEST_NS: u64 = 10_000_000_000;
-const LONGEST_CLOSING_NS: u64 = 60_000_000_000;
 
 /// A longer time between two steps counts as this long, ns.
 const LONGEST_STEP_NS: u64 = 250_000_000;
@@ -37,6 +35,8 @@ pub(super) struct Grasp {
     /// The time of the last step, ns, and for how long it has waited without a fault.
     last_ns: Option<u64>,
     waited_ns: u64,
+    /// The least opening of jaws that close, mm.
+    closed_to_mm: Option<f64>,
     /// Since when all conditions except the force have been met, and the opening then.
     stands: Option<(u64, Option<f64>)>,
     /// Since when the force has been reached, too.
@@ -79,14 +79,26 @@ impl Grasp {
         } else {
             (self.stands, self.pressed_since_ns) = (None, None);
         }
-        let most_ns = if gripper.jaws == Jaws::Closing { LONGEST_CLOSING_NS } else { LONGEST_NS };
-        let is_late = self.waited_ns > most_ns;
+        if self.come_closer(gripper) {
+            self.waited_ns = 0;
+        }
+        let is_late = self.waited_ns > LONGEST_NS;
         // Blind fingers cannot tell whether something is held.
         let is_empty = is_late && hand.state != SlipState::Unjudged && !(holds && feels);
         if matches!(gripper.jaws, Jaws::Nothing | Jaws::Lost) || is_empty {
             return Grasped::Never(Ending::NothingHeld);
         }
         Grasped::NotYet(GripDecision { force_n, arm: ArmMotion::Pause })
+    }
+
+    /// Whether the jaws close, and have come closer than ever since the last time.
+    fn come_closer(&mut self, gripper: &GripperState) -> bool {
+        let Some(now_mm) = gripper.opening_mm.filter(|_| gripper.jaws == Jaws::Closing) else { return false };
+        let comes = now_mm < *self.closed_to_mm.get_or_insert(now_mm) - STILL_MM;
+        if comes {
+            self.closed_to_mm = Some(now_mm);
+        }
+        comes
     }
 
     /// The time so far does not count.

@@ -26,23 +26,28 @@ fn an_empty_gripper_ends_the_task() {
 /// Jaws that close for as long as they do, or wait for a link; and jaws that stand open.
 #[test]
 fn nothing_is_found_only_by_jaws_that_had_the_time_to_close() {
-    let ended_s = |jaws: Jaws, interrupted: std::ops::Range<u64>| {
+    let ended_s = |jaws: Jaws, opening_mm: &dyn Fn(f64) -> f64, interrupted: std::ops::Range<u64>| {
         let mut task = TaskSettings::default().task(TaskKind::Lift, None).expect("valid");
         let wrist = WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
-        let (report, state) = (hand(SlipState::NoContact), GripperState { jaws, ..gripper(0.0) });
+        let report = hand(SlipState::NoContact);
         (0..100 * 30).find_map(|cycle| {
             if interrupted.contains(&(cycle / 30)) {
-                {}
+                task.interrupt();
                 return None;
             }
             let now_ns = cycle * FRAME_NS;
+            let opening_mm = Some(opening_mm(now_ns as f64 * 1e-9));
+            let state = GripperState { jaws, opening_mm, ..gripper(0.0) };
             let step = task.step(&Observation { now_ns, hand: &report, gripper: &state, wrist: &wrist });
             matches!(step.phase, Phase::Ended(Ending::NothingHeld)).then_some(now_ns / 1_000_000_000)
         })
     };
-    assert_eq!(ended_s(Jaws::Open, 0..0), Some(10));
-    assert_eq!(ended_s(Jaws::Open, 2..9), Some(18));
-    assert_eq!(ended_s(Jaws::Closing, 0..0), Some(60));
+    assert_eq!(ended_s(Jaws::Open, &|_| 100.0, 0..0), Some(10));
+    assert_eq!(ended_s(Jaws::Open, &|_| 100.0, 2..9), Some(18));
+    assert_eq!(ended_s(Jaws::Closing, &|_| 100.0, 0..0), Some(10), "stuck");
+    assert_eq!(ended_s(Jaws::Closing, &|s| 100.0 + (s * 9.0).sin(), 0..0), Some(10), "shaking");
+    // At the least speed of the grippers, to the end.
+    assert_eq!(ended_s(Jaws::Closing, &|s| (100.0 - 5.0 * s).max(0.0), 0..0), Some(30));
 }
 
 /// An object that is held but not felt is not lifted, and the missing condition is reported.

@@ -37,7 +37,7 @@ fn laid_down_with_faults(follows: bool, opens: bool, is_fault: impl Fn(f64, f64)
             touched_ns.get_or_insert(now_ns);
         }
         if is_fault(since_s(touched_ns), since_s(released_ns)) {
-            {}
+            task.interrupt();
             continue;
         }
         released = step.grip == GripCommand::Release;
