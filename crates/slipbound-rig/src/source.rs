@@ -51,6 +51,7 @@ pub mod v4l2;
 mod video_times;
 
 pub use avi::Avi;
+pub(crate) use camera::is_news;
 pub use camera::{Camera, CameraCounts, CameraTally};
 pub use encoded::Encoded;
 pub use error::Error;
