@@ -153,6 +153,7 @@ pub(super) fn choose_again<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::slice;
 
     fn camera(number: u32, name: &str, serial: Option<&str>) -> CameraNode {
         CameraNode {
@@ -210,7 +211,7 @@ mod tests {
         let (right, left) = (camera(0, "Mini", Some("41AA")), camera(1, "Mini", Some("28H8")));
         let other = "the one with serial 28H8, got /dev/video0 Mini serial 41AA";
         for wanted in ["/dev/video0", "Mini"] {
-            assert_eq!(again(&[right.clone()], wanted, &first), Err(other.into()), "{wanted}");
+            assert_eq!(again(slice::from_ref(&right), wanted, &first), Err(other.into()), "{wanted}");
             assert_eq!(again(&[right.clone(), left.clone()], wanted, &first), at("/dev/video1"), "{wanted}");
         }
         assert_eq!(again(&[right], "28H8", &first), Ok(None));
@@ -236,8 +237,8 @@ mod tests {
         assert_eq!(choose_again(&[bare(3, 4)], "/dev/video0", &first), Ok(Some(&bare(3, 4))));
         // Cameras that are not on USB have neither.
         let built_in = camera(0, "Integrated Webcam", None);
-        let first = CameraId::of(&built_in, &[built_in.clone()]);
-        assert_eq!(choose_again(&[built_in.clone()], "webcam", &first), Ok(Some(&built_in)));
+        let first = CameraId::of(&built_in, slice::from_ref(&built_in));
+        assert_eq!(choose_again(slice::from_ref(&built_in), "webcam", &first), Ok(Some(&built_in)));
         // Of two kinds of images of one camera the same.
         let depth = CameraNode { formats: vec!["Z16 ".into()], ..camera(0, "D405", Some("7")) };
         let colour = camera(2, "D405", Some("7"));
