@@ -51,6 +51,7 @@ pub mod v4l2;
 mod video_times;
 
 pub use avi::Avi;
+pub(crate) use camera::is_news;
 pub use camera::{Camera, CameraCounts, CameraTally};
 pub use encoded::Encoded;
 pub use error::Error;
@@ -117,7 +118,14 @@ pub fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, Error> {
             None => open_video(path),
         },
         // A file whose name contains such characters was found above.
-        Err(_) if uri.contains(['*', '?', '[', '%']) => Ok(Box::new(Folder::matching(uri)?)),
+        Err(_) if uri.contains(['*', '?', '[', '%']) => match Folder::matching(uri) {
+            Err(Error::NoImages { others_count: 0, folders_count: 0, .. } | Error::Pattern { .. })
+                if folder::is_no_pattern(uri) =>
+            {
+                Err(Error::Missing { path: path.to_owned() })
+            }
+            found => Ok(Box::new(found?)),
+        },
         Err(e) if matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory | ErrorKind::InvalidFilename) => {
             Err(Error::Missing { path: path.to_owned() })
         }

@@ -59,11 +59,9 @@ fn every_frame_comes_once_and_the_same_each_time() {
     }
 }
 
-/// A gap of half a second in the recording shows in the frame times: it does not count as ten frames.
-#[test]
-fn a_video_of_varying_rate_has_the_times_of_its_container() {
-    let dir = tempfile::tempdir().expect("a folder");
-    let path = dir.path().join("uneven.mp4");
+/// A video of 20 frames per second without frames 5 to 14; None where there is no ffmpeg.
+fn uneven(dir: &Path, name: &str) -> Option<PathBuf> {
+    let path = dir.join(name);
     let made = Command::new("ffmpeg")
         .args(["-v", "error", "-f", "lavfi", "-i", "testsrc=size=64x48:rate=20:duration=1"])
         .args(["-vf", "select='not(between(n,5,14))'", "-vsync", "vfr", "-c:v", "mpeg4"])
@@ -71,17 +69,41 @@ fn a_video_of_varying_rate_has_the_times_of_its_container() {
         .status();
     let Ok(status) = made else {
         eprintln!("no ffmpeg here: not tested");
-        return;
+        return None;
     };
     assert!(status.success());
+    Some(path)
+}
+
+/// Number and time of every frame, ms, with this clock.
+fn times_ms(path: &Path, clock: Clock) -> Vec<(u64, u64)> {
     let mut source = source::open(path.to_str().expect("UTF-8")).expect("opens");
     let mut frame = FrameBuffer::default();
-    let mut times_ms = Vec::new();
+    let mut times = Vec::new();
     while source.next(&mut frame).expect("no final error") == Next::Frame {
-        assert_eq!(frame.clock, Clock::Container);
-        times_ms.push(frame.time_ns.expect("a time") / 1_000_000);
+        assert_eq!(frame.clock, clock);
+        times.push((frame.seq, frame.time_ns.expect("a time") / 1_000_000));
     }
-    assert_eq!(times_ms, [0, 50, 100, 150, 200, 750, 800, 850, 900, 950]);
+    times
+}
+
+/// A gap of half a second in the recording shows in the frame times: it does not count as ten frames.
+#[test]
+fn a_video_of_varying_rate_has_the_times_of_its_container() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let Some(path) = uneven(dir.path(), "uneven.mp4") else { return };
+    let expected = [0, 50, 100, 150, 200, 750, 800, 850, 900, 950];
+    let times = times_ms(&path, Clock::Container);
+    assert_eq!(times, (0..).zip(expected).collect::<Vec<_>>());
+}
+
+/// An AVI file has an empty chunk for every frame that its recorder dropped.
+#[test]
+fn an_avi_s_dropped_frames_count() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let Some(path) = uneven(dir.path(), "uneven.avi") else { return };
+    let expected: Vec<_> = (0..5).chain(15..20).map(|seq| (seq, 50 * seq)).collect();
+    assert_eq!(times_ms(&path, Clock::Assumed), expected);
 }
 
 #[test]

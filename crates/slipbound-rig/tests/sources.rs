@@ -110,6 +110,13 @@ fn what_is_not_there_is_named() {
     let missing = path("no such thing.avi");
     assert!(matches!(refused(&missing), Error::Missing { .. }));
     assert!(refused(&missing).to_string().contains(&missing));
+    // These signs are those of patterns, and of names.
+    for name in ["50%.avi", "grasp[2].mp4", "grasp[2.avi", "what?.mkv", "run%20a.mcap", "50%", "50%.png"] {
+        assert!(matches!(refused(&path(name)), Error::Missing { .. }), "{name}: {}", refused(&path(name)));
+    }
+    for name in ["what?.png", "frame_%04d.png", "frame_%d"] {
+        assert!(matches!(refused(&path(name)), Error::NoImages { others_count: 0, .. }), "{name}");
+    }
     assert!(matches!(refused(&path("*.png")), Error::NoImages { others_count: 0, .. }));
     assert!(matches!(refused(&path("[")), Error::Pattern { .. }));
     fs::write(path("notes.txt"), "no picture").expect("writes");

@@ -7,7 +7,7 @@ use crate::outcome::{Failure, Outcome, unless_reader_left};
 use crate::terminal::Terminal;
 use anyhow::anyhow;
 use slipbound::hand::Side;
-use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
+use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
 use slipbound::sensor::Sensor;
 use slipbound_rig::config::hand::finger_name;
 use slipbound_rig::container::{Recorder, TappedSource};
@@ -16,8 +16,8 @@ use slipbound_rig::report_summary::frame_name;
 use slipbound_rig::sensors;
 use slipbound_rig::source::{self, Camera, CameraTally};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::Duration;
 
@@ -86,7 +86,7 @@ impl Record {
         recorder.begin();
         let for_ns = self.for_s.map(|s| (s * 1e9) as u64);
         let running: Vec<_> = opened.into_iter().map(|one| one.read(&stop, for_ns)).collect();
-        self.wait(&stop, &recorder, &running, &terminal);
+        self.wait(&stop, &recorder, &running, &names, &terminal);
         terminal.clear_bar();
         let interrupted = stop.swap(true, Ordering::Relaxed);
         let (mut whole_count, mut torn_count, mut is_cut) = (0, 0, false);
@@ -138,13 +138,20 @@ impl Record {
         unless_reader_left(said).map(|()| outcome)
     }
 
-    fn wait(&self, stop: &AtomicBool, recorder: &Recorder, running: &[Running], terminal: &Terminal) {
+    fn wait(&self, stop: &AtomicBool, recorder: &Recorder, running: &[Running], names: &[String], terminal: &Terminal) {
+        let mut is_told = vec![false; running.len()];
         let is_live = self.sources.iter().any(|uri| source::is_live(uri));
         let until_ns = self.for_s.filter(|_| is_live).map(|s| now_ns() + (s * 1e9) as u64);
         while !stop.load(Ordering::Relaxed) && running.iter().any(|(thread, _)| !thread.is_finished()) {
             // A full disk: recording is the only work, so it is reported at once.
             if until_ns.is_some_and(|until_ns| now_ns() >= until_ns) || recorder.has_failed() {
                 return;
+            }
+            for (((thread, _), name), is_told) in running.iter().zip(names).zip(&mut is_told) {
+                if let (Some(why), false) = (thread.failure.get(), *is_told) {
+                    *is_told = true;
+                    terminal.note(&format!("{name}: {why}; the others go on"));
+                }
             }
             let told: Vec<String> =
                 running.iter().flat_map(|(_, tally)| Some(tally.as_ref()?.counts().to_string())).collect();
@@ -171,7 +178,24 @@ impl Record {
 }
 
 /// A source on its thread; the tally of a camera.
-type Running = (thread::JoinHandle<Result<Counted, SourceError>>, Option<Arc<CameraTally>>);
+type Running = (Reading, Option<Arc<CameraTally>>);
+
+/// A thread that reads a source.
+struct Reading {
+    thread: thread::JoinHandle<Result<Counted, SourceError>>,
+    /// Why it failed, as soon as it has.
+    failure: Arc<OnceLock<String>>,
+}
+
+impl Reading {
+    fn is_finished(&self) -> bool {
+        self.thread.is_finished()
+    }
+
+    fn join(self) -> thread::Result<Result<Counted, SourceError>> {
+        self.thread.join()
+    }
+}
 
 /// A source that has been opened.
 enum Opened {
@@ -228,22 +252,28 @@ fn brought_along(uri: &str, terminal: &Terminal) -> Result<Option<Sensor>, Failu
     Ok(found.ok().flatten().map(|(sensor, _)| sensor))
 }
 
-fn spawn(
-    source: impl FrameSource + Send + 'static,
-    stop: &Arc<AtomicBool>,
-    for_ns: Option<u64>,
-) -> thread::JoinHandle<Result<Counted, SourceError>> {
+fn spawn(source: impl FrameSource + Send + 'static, stop: &Arc<AtomicBool>, for_ns: Option<u64>) -> Reading {
     let stop = stop.clone();
-    thread::spawn(move || drain(source, &stop, for_ns))
+    let failure = Arc::new(OnceLock::new());
+    let told = failure.clone();
+    let thread = thread::spawn(move || {
+        let read = drain(source, &stop, for_ns);
+        read.inspect_err(|error| drop(told.set(error.to_string())))
+    });
+    Reading { thread, failure }
 }
 
 fn drain(mut source: impl FrameSource, stop: &AtomicBool, for_ns: Option<u64>) -> Result<Counted, SourceError> {
     let mut counted = Counted::default();
     let mut frame = FrameBuffer::default();
-    let mut first_ns = None;
+    let mut passed = PassedTime::default();
     while !counted.is_whole && !stop.load(Ordering::Relaxed) {
         match source.next(&mut frame)? {
-            Next::Frame => counted.frames_count += 1,
+            Next::Frame => {
+                counted.frames_count += 1;
+                let passed_ns = frame.time_ns.map(|ns| passed.see(frame.clock, ns));
+                counted.is_whole = passed_ns.zip(for_ns).is_some_and(|(passed_ns, for_ns)| passed_ns >= for_ns);
+            }
             Next::Torn { reason } => {
                 counted.torn_count += 1;
                 counted.torn_reason.get_or_insert(reason);
@@ -251,10 +281,29 @@ fn drain(mut source: impl FrameSource, stop: &AtomicBool, for_ns: Option<u64>) -
             Next::Silent => {}
             Next::End => counted.is_whole = true,
         }
-        let passed_ns = frame.time_ns.map(|ns| ns.saturating_sub(*first_ns.get_or_insert(ns)));
-        counted.is_whole |= passed_ns.zip(for_ns).is_some_and(|(passed_ns, for_ns)| passed_ns >= for_ns);
     }
     Ok(counted)
+}
+
+/// The time that has passed by the times of whole frames. From a frame of one clock to one of another none passes.
+#[derive(Default)]
+struct PassedTime {
+    /// The first frame of the present clock, and what had passed before it, ns.
+    from: Option<(Clock, u64)>,
+    before_ns: u64,
+    passed_ns: u64,
+}
+
+impl PassedTime {
+    /// What has passed up to this frame, ns.
+    fn see(&mut self, clock: Clock, time_ns: u64) -> u64 {
+        if self.from.is_none_or(|(of, _)| of != clock) {
+            (self.from, self.before_ns) = (Some((clock, time_ns)), self.passed_ns);
+        }
+        let since_ns = self.from.map_or(0, |(_, from_ns)| time_ns.saturating_sub(from_ns));
+        self.passed_ns = self.before_ns + since_ns;
+        self.passed_ns
+    }
 }
 
 /// A recording that fails at a frame without a time: its seconds cannot be counted.
@@ -275,5 +324,39 @@ impl FrameSource for Timed {
 
     fn frames_count(&self) -> Option<u64> {
         self.recording.frames_count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames 0.1 s apart; every third is torn, with the time of another clock, as recordings of an earlier version have.
+    struct Torn(u64);
+
+    impl FrameSource for Torn {
+        fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+            let number = self.0;
+            self.0 += 1;
+            (into.time_ns, into.clock) = (Some(number * 100_000_000), Clock::Device);
+            if number == 1000 {
+                return Ok(Next::End);
+            }
+            if number % 3 == 1 {
+                (into.time_ns, into.clock) = (Some(1_700_000_000_000_000_000), Clock::Host);
+                return Ok(Next::Torn { reason: "cut".into() });
+            }
+            Ok(Next::Frame)
+        }
+    }
+
+    #[test]
+    fn seconds_are_counted_by_the_times_of_one_clock() {
+        let counted = drain(Torn(0), &AtomicBool::new(false), Some(2_000_000_000)).expect("reads");
+        assert_eq!((counted.frames_count, counted.torn_count, counted.is_whole), (14, 7, true));
+        // A source whose stamps are distrusted from some frame on.
+        let mut passed = PassedTime::default();
+        let times = [(Clock::Device, 5), (Clock::Device, 9), (Clock::Host, 1000), (Clock::Host, 1003)];
+        assert_eq!(times.map(|(clock, ns)| passed.see(clock, ns)), [0, 4, 4, 7]);
     }
 }

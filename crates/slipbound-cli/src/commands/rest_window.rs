@@ -23,10 +23,16 @@ pub struct Window<'a> {
 }
 
 impl<'a> Window<'a> {
-    /// Reads until this many complete frames are there, or the source ends.
-    pub fn read(source: &'a str, recording: &'a mut ReadAhead, count: u32) -> Result<Self, Failure> {
+    /// Reads until this many complete frames are there, or the source ends. `silence`: told after every look at the source
+    /// whether it was silent.
+    pub fn read(
+        source: &'a str,
+        recording: &'a mut ReadAhead,
+        count: u32,
+        silence: impl FnMut(bool),
+    ) -> Result<Self, Failure> {
         let count = count as usize;
-        let whole = recording.read_ahead(count).filter(|frame| frame.torn.is_none());
+        let whole = recording.read_ahead_seen(count, silence).filter(|frame| frame.torn.is_none());
         let Some(size) = most_common_size(whole.map(|frame| &frame.buffer)) else {
             let first_torn = recording.read_ahead(count).find_map(|a| Some(torn(&a.buffer, a.torn.as_deref()?)));
             return Err(match (recording.take_failure(), first_torn) {

@@ -2,6 +2,7 @@
 
 use super::marker_noise::MarkerNoise;
 use super::rest_window::{Window, advice_where_touched};
+use super::watch::StallDetector;
 use super::{finger, inputs, recording};
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::Terminal;
@@ -9,6 +10,7 @@ use anyhow::anyhow;
 use slipbound::finger_pipeline::FoundRest;
 use slipbound::monitor::{RestBuilder, Settings, SlipMonitor};
 use slipbound::sensor::Sensor;
+use slipbound_rig::link::now_ns;
 use slipbound_rig::report_summary::frame_name;
 use slipbound_rig::rest_file::{MadeOf, SavedRest};
 use slipbound_rig::{config, file_origin, sensors, source};
@@ -53,7 +55,9 @@ impl Tare {
         self.refuse_overwriting()?;
         let mut terminal = Terminal::plain();
         let mut recording = recording::open(&self.source)?;
-        let window = Window::read(&self.source, &mut recording, settings.rest.window_count)?;
+        let mut stalls = StallDetector::new(StallDetector::LONGEST_MS);
+        let silence = |is_silent| stalls.note(&self.source, now_ns(), is_silent, &terminal);
+        let window = Window::read(&self.source, &mut recording, settings.rest.window_count, silence)?;
         let (sensor, note) = finger::of(&self.source, window.size, asked.as_ref(), None)?;
         note.iter().for_each(|note| terminal.note(note));
         let FoundRest { rest, seqs, .. } = window.rest(&sensor, &settings, Some(&"tare"))?;

@@ -12,6 +12,7 @@ mod rest;
 mod stall_detector;
 
 pub use args::{Watch, live_count};
+pub use stall_detector::StallDetector;
 
 use super::finger;
 use super::recording::{self, LiveCamera};
@@ -23,6 +24,7 @@ use args::RestArgument;
 use outputs::Outputs;
 use slipbound::events::{SlipEvent, SlipEvents};
 use slipbound::finger_pipeline::RecordingMonitor;
+use slipbound::image::SizePx;
 use slipbound::monitor::{Settings, SlipMonitor, SlipState};
 use slipbound::port::{FrameBuffer, FrameSource, Next};
 use slipbound::sensor::Sensor;
@@ -31,7 +33,6 @@ use slipbound_rig::link::now_ns;
 use slipbound_rig::report_summary::{ReportSummary, torn, when};
 use slipbound_rig::source::{ReadAhead, doubt};
 use slipbound_rig::{config, sensors};
-use stall_detector::StallDetector;
 use std::slice;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -165,7 +166,10 @@ impl Watch {
         sensor: Option<&Sensor>,
         terminal: &Terminal,
     ) -> Result<(SlipMonitor, Sensor, outputs::Origin), Failure> {
-        let found = rest::find(self, recording, settings, |size, saved| finger::of(&self.source, size, sensor, saved))?;
+        let mut stalls = StallDetector::new(self.max_silence_ms);
+        let silence = |is_silent| stalls.note(&self.source, now_ns(), is_silent, terminal);
+        let sensor_for = |size: SizePx, saved: Option<(&Sensor, &str)>| finger::of(&self.source, size, sensor, saved);
+        let found = rest::find(self, recording, settings, silence, sensor_for)?;
         found.notes.iter().for_each(|note| terminal.note(note));
         let monitor = SlipMonitor::new(&found.sensor, settings, found.rest).map_err(Failure::arguments)?;
         let doubt = monitor.refusal().map(|reason| format!("{reason}; {UNJUDGED}"));

@@ -15,7 +15,7 @@ const SIZE: (usize, usize) = (320, 240);
 const PERIOD: Duration = Duration::from_millis(33);
 
 /// Dots of 11 px on a grid of 30.8 px, a little further to the right from frame to frame.
-fn jpeg(frame: usize) -> Vec<u8> {
+pub(crate) fn jpeg(frame: usize) -> Vec<u8> {
     let pixels: Vec<u8> = (0..SIZE.0 * SIZE.1)
         .map(|i| {
             let (x, y) = ((i % SIZE.0) as f64 - 20.0 - 0.01 * (frame % 50) as f64, (i / SIZE.0) as f64 - 27.0);
@@ -32,19 +32,19 @@ fn jpeg(frame: usize) -> Vec<u8> {
 
 /// Behaviour of the stream besides giving a frame every 33 ms.
 #[derive(Clone, Copy, Default)]
-struct Trouble {
+pub(crate) struct Trouble {
     /// Stalls for this long before this frame.
-    stall: Option<(usize, Duration)>,
+    pub(crate) stall: Option<(usize, Duration)>,
     /// Tears this frame.
-    tears: Option<usize>,
+    pub(crate) tears: Option<usize>,
     /// Is silent for good from this frame.
-    silent_from: Option<usize>,
+    pub(crate) silent_from: Option<usize>,
     /// Answers this long after it was called.
-    answers_after: Duration,
+    pub(crate) answers_after: Duration,
 }
 
 /// Serves a finger's camera to every client; returns the address.
-fn serve(trouble: Trouble) -> String {
+pub(crate) fn serve(trouble: Trouble) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let url = format!("http://{}/left", listener.local_addr().expect("bound"));
     thread::spawn(move || {

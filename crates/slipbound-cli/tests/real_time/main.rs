@@ -8,3 +8,4 @@ mod link_faults;
 mod live;
 #[path = "../program/mod.rs"]
 mod program;
+mod troubled_sources;

@@ -1,5 +1,6 @@
 //! Messages about a run for its user: faults, driver events, refusals of the gripper.
 
+use crate::source::is_news;
 use slipbound::control::{CycleOutcome, CycleView, Fault};
 use slipbound::finger_pipeline::FingerView;
 use slipbound::monitor::{Reason, RestKind, SlipState};
@@ -92,9 +93,13 @@ impl RunNotes {
         }
         for finger in view.fingers {
             let is_told = |told: &[String]| told.iter().any(|name| name == finger.name);
-            if let (Next::Torn { reason }, false) = (finger.next, is_told(&self.torn)) {
-                self.torn.push(finger.name.to_owned());
-                lines.push(format!("{}: the first torn frame: {reason}", finger.name));
+            match finger.next {
+                Next::Torn { reason } if is_news(finger.next) => lines.push(format!("{}: {reason}", finger.name)),
+                Next::Torn { reason } if !is_told(&self.torn) => {
+                    self.torn.push(finger.name.to_owned());
+                    lines.push(format!("{}: the first torn frame: {reason}", finger.name));
+                }
+                _ => {}
             }
             if let (Some(error), false) = (finger.rest_error, is_told(&self.without_rest)) {
                 self.without_rest.push(finger.name.to_owned());
@@ -216,6 +221,20 @@ mod tests {
             told.extend(notes.see(&cycle(&fingers)));
         }
         assert_eq!(told, ["left: the first torn frame: cut", "right: the first torn frame: 16UC1"]);
+    }
+
+    #[test]
+    fn all_news_of_a_camera_is_told_whatever_was_torn_before() {
+        let (mut notes, frame) = (RunNotes::default(), FrameBuffer::default());
+        let news = ["and cannot be set as at first: expected 640x480", "and is set otherwise: gain expected 4, got 5"];
+        let mut told = Vec::new();
+        for reason in ["cut".to_owned()].into_iter().chain(news.map(|news| format!("the camera is back, {news}"))) {
+            let next = Next::Torn { reason };
+            told.extend(notes.see(&cycle(&[FingerView { next: &next, ..finger("left", &frame) }])));
+        }
+        let expected = news.map(|news| format!("left: the camera is back, {news}"));
+        assert_eq!(told[0], "left: the first torn frame: cut");
+        assert_eq!(told[1..], expected);
     }
 
     #[test]

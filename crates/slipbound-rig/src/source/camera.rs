@@ -1,8 +1,16 @@
 //! What every live source counts and reports about itself.
 
-use slipbound::port::FrameSource;
+use slipbound::port::{FrameSource, Next};
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
+
+/// How the reason of a torn frame begins that is none, but news of its camera.
+pub(crate) const IS_BACK: &str = "the camera is back";
+
+/// Whether this is news of the camera, which must be told, not a frame, of which the newest is enough.
+pub(crate) fn is_news(next: &Next) -> bool {
+    matches!(next, Next::Torn { reason } if reason.starts_with(IS_BACK))
+}
 
 /// A live source that has been opened.
 pub struct Camera {

@@ -8,6 +8,7 @@ use super::picture_size::checked_size;
 use super::riff::{Survey, Video};
 use super::video_times::{self, VideoTimes};
 use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
+use std::collections::VecDeque;
 use std::ffi::{OsStr, OsString};
 use std::io::{self, BufRead, BufReader, ErrorKind, Read};
 use std::path::{Path, PathBuf};
@@ -28,7 +29,11 @@ pub struct Ffmpeg {
     /// What the file lacks at its end, to be reported there.
     lacks: Option<String>,
     running: Option<(Running, Pictures)>,
+    /// Place of the next frame, dropped ones counted, and the numbers of the dropped ones from there on.
     seq: u64,
+    dropped: VecDeque<u64>,
+    /// Whether a frame came.
+    has_given: bool,
 }
 
 /// The program while it runs.
@@ -58,14 +63,18 @@ impl Ffmpeg {
             ErrorKind::NotFound => Error::FfmpegMissing { path: path.to_owned(), codec },
             _ => Error::FfmpegStart { path: path.to_owned(), source },
         })?;
-        let (times, frames_count, lacks) = match avi {
-            Some((video, survey)) => (VideoTimes::at(video.rate), Some(survey.frames_count), survey.cut),
+        Ok(match avi {
+            Some((video, Survey { frames_count, dropped, cut })) => Ffmpeg {
+                frames_count: Some(frames_count),
+                dropped,
+                lacks: cut,
+                ..Ffmpeg::new(path, VideoTimes::at(video.rate), running)
+            },
             None => {
-                let (times, count) = video_times::probe(&file_argument(path));
-                (times, count, None)
+                let (times, frames_count) = video_times::probe(&file_argument(path));
+                Ffmpeg { frames_count, ..Ffmpeg::new(path, times, running) }
             }
-        };
-        Ok(Ffmpeg { path: path.to_owned(), times, frames_count, lacks, running: Some(running), seq: 0 })
+        })
     }
 
     /// Starts the program on what cannot be read twice: standard input (`-`) or a named pipe. There is no time.
@@ -74,8 +83,20 @@ impl Ffmpeg {
             ErrorKind::NotFound => Error::FfmpegMissing { path: path.to_owned(), codec: "a pipe".into() },
             _ => Error::FfmpegStart { path: path.to_owned(), source },
         })?;
-        let times = VideoTimes::default();
-        Ok(Ffmpeg { path: path.to_owned(), times, frames_count: None, lacks: None, running: Some(running), seq: 0 })
+        Ok(Ffmpeg::new(path, VideoTimes::default(), running))
+    }
+
+    fn new(path: &Path, times: VideoTimes, running: (Running, Pictures)) -> Self {
+        Ffmpeg {
+            path: path.to_owned(),
+            times,
+            frames_count: None,
+            lacks: None,
+            running: Some(running),
+            seq: 0,
+            dropped: VecDeque::new(),
+            has_given: false,
+        }
     }
 
     /// The program has ended: normally, or with a reason.
@@ -87,14 +108,14 @@ impl Ffmpeg {
             running.stop();
         }
         let (status, stderr) = running.reap().map_err(|source| Error::Read { path: self.path.clone(), source })?;
-        if self.seq == 0 && is_older(&stderr) {
+        if !self.has_given && is_older(&stderr) {
             let again = start(&self.path, EVERY_FRAME_ONCE[1]);
             self.running = Some(again.map_err(|source| Error::FfmpegStart { path: self.path.clone(), source })?);
             return Ok(Next::Silent);
         }
-        let failed = match (status.success(), self.seq) {
+        let failed = match (status.success(), self.has_given) {
             (false, _) => Some(format!("{status}")),
-            (true, 0) => Some("none".into()),
+            (true, false) => Some("none".into()),
             _ => None,
         };
         if let Some(got) = got.or(failed) {
@@ -110,6 +131,10 @@ impl Ffmpeg {
 
 impl FrameSource for Ffmpeg {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
+        while self.dropped.front() == Some(&self.seq) {
+            self.dropped.pop_front();
+            self.seq += 1;
+        }
         self.times.stamp(into, self.seq);
         into.encoded.clear();
         loop {
@@ -119,6 +144,7 @@ impl FrameSource for Ffmpeg {
             match read_ppm(pictures, into) {
                 Ok(true) => {
                     self.seq += 1;
+                    self.has_given = true;
                     return Ok(Next::Frame);
                 }
                 Ok(false) => match self.finish(None)? {

@@ -43,8 +43,8 @@ const LOW_LATENCY: [&str; 10] = [
 const FIRST_RETRY: Duration = Duration::from_millis(200);
 const LONGEST_RETRY: Duration = Duration::from_secs(3);
 
-/// Longest time without a frame before the program is ended: until the first one, including connecting and probing, and
-/// later.
+/// Longest time without a frame before the program is ended: until its first one, including connecting and probing at
+/// every start, and later.
 const LONGEST_START: Duration = Duration::from_secs(15);
 const LONGEST_SILENCE: Duration = Duration::from_secs(3);
 
@@ -70,6 +70,8 @@ struct Started {
     running: Running,
     pictures: Receiver<Result<FrameBuffer, String>>,
     buffers: Sender<FrameBuffer>,
+    /// Whether a frame came.
+    has_given: bool,
     /// When the last frame came, or the program was started.
     heard_at: Instant,
 }
@@ -132,7 +134,7 @@ impl FrameSource for FfmpegLive {
             Ok(picture) => picture,
             Err(RecvTimeoutError::Disconnected) => return self.ended("none".into()),
             Err(RecvTimeoutError::Timeout) => {
-                let longest = if self.seq == 0 { LONGEST_START } else { LONGEST_SILENCE };
+                let longest = if started.has_given { LONGEST_SILENCE } else { LONGEST_START };
                 if started.heard_at.elapsed() < longest {
                     return Ok(Next::Silent);
                 }
@@ -145,7 +147,9 @@ impl FrameSource for FfmpegLive {
         match picture {
             Ok(picture) => {
                 started.heard_at = Instant::now();
-                let is_back = self.retry > FIRST_RETRY;
+                // An older program is started twice before the first frame of all: that is no return.
+                let is_first = !std::mem::replace(&mut started.has_given, true);
+                let is_back = is_first && self.tally.counts().frames_count > 0;
                 self.retry = FIRST_RETRY;
                 let time_ns = picture.time_ns.unwrap_or_else(now_ns);
                 (into.size, into.format, into.time_ns) = (picture.size, picture.format, Some(time_ns));
@@ -179,7 +183,7 @@ impl Started {
         let (to, pictures) = sync_channel(1);
         let (buffers, emptied) = channel();
         thread::spawn(move || read_all(from, &to, &emptied));
-        Ok(Started { running, pictures, buffers, heard_at: Instant::now() })
+        Ok(Started { running, pictures, buffers, has_given: false, heard_at: Instant::now() })
     }
 }
 

@@ -105,6 +105,16 @@ fn numbers_of(pattern: &str) -> (Vec<String>, Vec<usize>) {
     (texts, widths)
 }
 
+/// Endings of videos and recordings.
+const VIDEO_ENDINGS: [&str; 8] = ["avi", "mp4", "mkv", "mov", "webm", "m4v", "mcap", "db3"];
+
+/// Whether a name that nothing matches cannot be meant as a pattern of images: it ends as a video does, or its only
+/// signs of one are `%` without a number.
+pub(super) fn is_no_pattern(uri: &str) -> bool {
+    let is_video = VIDEO_ENDINGS.iter().any(|ending| super::has_ending(Path::new(uri), ending));
+    is_video || !uri.contains(['*', '?', '[']) && numbers_of(uri).1.is_empty()
+}
+
 /// The same with any text in place of numbers, in the form of this crate's patterns.
 fn without_numbers(pattern: &str) -> String {
     numbers_of(pattern).0.join("*")

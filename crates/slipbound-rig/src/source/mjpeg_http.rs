@@ -8,7 +8,7 @@
 //!
 //! The time of a frame is the server's `X-Timestamp` where it sends one (clock: device), else the arrival time. Once a
 //! stamp is not later than the one before it, or missing, arrival times are used for the rest of the source
-//! ([`Stamps`]).
+//! ([`Stamps`]). A torn frame has the time of its own stamp; without one it has no time among stamped frames.
 
 use super::camera::{Camera, CameraTally};
 use super::chunked::{self, Chunked};
@@ -115,8 +115,15 @@ impl MjpegHttp {
         self.retry_ns = (2 * self.retry_ns).min(LONGEST_RETRY_NS);
     }
 
-    fn torn(&mut self, into: &mut FrameBuffer, reason: String) -> Next {
-        self.stamp(into, None);
+    /// `stamp_ns`: the stamp of its part, where that came.
+    fn torn(&mut self, into: &mut FrameBuffer, reason: String, stamp_ns: Option<u64>) -> Next {
+        let stamp_ns = stamp_ns.filter(|ns| *ns > 0);
+        let device_ns = stamp_ns.and_then(|ns| self.stamps.device_ns(Some(ns)));
+        self.stamp(into, device_ns);
+        if device_ns.is_none() && self.stamps.are_used() {
+            // Its arrival would be the time of another clock, between frames of the server's.
+            (into.time_ns, into.clock) = (None, Clock::Unknown);
+        }
         self.tally.change(|counts| counts.torn_count += 1);
         Next::Torn { reason }
     }
@@ -138,13 +145,13 @@ impl MjpegHttp {
             return Next::Silent;
         }
         into.encoded.clear();
-        self.torn(into, format!("{why} after {begun_bytes} bytes of a frame"))
+        self.torn(into, format!("{why} after {begun_bytes} bytes of a frame"), None)
     }
 
     /// The stream cannot be followed any further.
     fn lost_track(&mut self, into: &mut FrameBuffer, why: String) -> Next {
         into.encoded.clear();
-        let torn = self.torn(into, why);
+        let torn = self.torn(into, why, None);
         self.give_up();
         torn
     }
@@ -162,7 +169,7 @@ impl FrameSource for MjpegHttp {
                 Ok(Found::Part(head)) => {
                     let decoded = picture::decode(into);
                     if let Err(reason) = decoded {
-                        return Ok(self.torn(into, reason));
+                        return Ok(self.torn(into, reason, head.time_ns));
                     }
                     self.retry_ns = FIRST_RETRY_NS;
                     let device_ns = self.stamps.device_ns(head.time_ns);
@@ -348,52 +355,4 @@ impl Address {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn addresses_are_taken_apart_and_wrong_ones_refused_in_words() {
-        let of = |host: &str, port, path: &str| Ok(Address { host: host.into(), port, path: path.into() });
-        assert_eq!(Address::parse("http://pi:8080/stream.mjpg"), of("pi", 8080, "/stream.mjpg"));
-        assert_eq!(Address::parse("http://10.0.0.7"), of("10.0.0.7", 80, "/"));
-        assert_eq!(Address::parse("http://[::1]:81?action=stream"), of("::1", 81, "/?action=stream"));
-        assert_eq!(Address::parse("http://[::1]/a"), of("::1", 80, "/a"));
-        for (url, expected) in [
-            ("http://", "http://HOST"),
-            ("http://:80/", "http://HOST"),
-            ("http://a:0/", "http://HOST"),
-            ("http://a:x/", "a port"),
-            ("http://me:secret@a/", "without a user"),
-            ("http://a/b c", "without blanks"),
-        ] {
-            assert!(Address::parse(url).expect_err(url).contains(expected), "{url}");
-        }
-    }
-
-    #[test]
-    fn the_request_names_the_host_as_the_address_does() {
-        for (url, host) in
-            [("http://pi:8080/a", "pi:8080"), ("http://[::1]:81/a", "[::1]:81"), ("http://[::1]", "[::1]:80")]
-        {
-            let request = Address::parse(url).expect("an address").request();
-            assert!(request.contains(&format!("\r\nHost: {host}\r\n")), "{request}");
-        }
-    }
-
-    #[test]
-    fn an_answer_that_is_no_stream_is_refused_with_what_it_is() {
-        let head = |status: &str, kind: &str| boundary(&format!("HTTP/1.0 {status}\r\nContent-Type: {kind}\r\n\r\n"));
-        assert_eq!(head("200 OK", "multipart/x-mixed-replace; boundary=\"a b\""), Ok("a b".into()));
-        assert_eq!(head("200 OK", "Multipart/X-Mixed-Replace;Boundary=--Cam;x=y"), Ok("--Cam".into()));
-        for (status, kind, expected) in [
-            ("404 Not Found", "text/html", "404 Not Found"),
-            ("401 Unauthorized", "text/html", "password"),
-            ("302 Found\r\nLocation: http://b/c", "text/html", "try http://b/c"),
-            ("200 OK", "image/jpeg", "single picture"),
-            ("200 OK", "multipart/x-mixed-replace", "a boundary"),
-        ] {
-            let refused = head(status, kind).expect_err(status);
-            assert!(refused.contains(expected), "{refused}");
-        }
-    }
-}
+mod tests;

@@ -6,6 +6,7 @@
 //!   loop:   next (never blocks)      <--------- Frame, Torn, Silent, End
 //! ```
 
+use super::camera::is_news;
 use slipbound::port::{FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -101,7 +102,7 @@ impl FrameSource for Awaited {
 }
 
 impl Newest {
-    /// For cameras: only the newest frame is kept.
+    /// For cameras: only the newest frame is kept, and before it what a camera that is back says.
     pub fn new(source: Box<dyn FrameSource + Send>) -> Self {
         Newest::with_room(source, None)
     }
@@ -170,8 +171,15 @@ fn read(mut source: Box<dyn FrameSource + Send>, shared: &Shared, room_count: Op
             Ok(next) => {
                 match room_count {
                     None => {
-                        while let Some((old, _)) = slot.waiting.pop_front() {
-                            slot.free.push(old);
+                        // News of the camera stays until it is taken, once.
+                        let mut place = 0;
+                        while let Some((_, old)) = slot.waiting.get(place) {
+                            if is_news(old) && *old != next {
+                                place += 1;
+                                continue;
+                            }
+                            let replaced = slot.waiting.remove(place);
+                            slot.free.extend(replaced.map(|(old, _)| old));
                             slot.replaced_count += 1;
                         }
                     }
@@ -282,6 +290,25 @@ mod tests {
         give.send(Err(SourceError::new(SourceErrorKind::Disconnected, "unplugged"))).expect("read");
         until(|| newest.arrivals().is_waiting());
         assert_eq!(newest.next(&mut frame).expect_err("unplugged").to_string(), "unplugged");
+    }
+
+    /// A hand takes a frame in a cycle of some ms; the first frame of a camera that is back follows its news at once.
+    #[test]
+    fn news_of_a_camera_is_not_replaced_by_its_next_frame() {
+        let (give, source) = blocking();
+        let mut newest = Newest::new(source);
+        let torn = |reason: &str| Next::Torn { reason: reason.into() };
+        let news = torn("the camera is back, and is set otherwise: gain expected 4 as at first, got 5");
+        for next in [torn("cut"), news.clone(), news.clone(), Next::Frame, Next::Frame] {
+            give.send(Ok(next)).expect("read");
+        }
+        until(|| newest.replaced_count() == 3);
+        let mut frame = FrameBuffer::default();
+        let mut taken = Vec::new();
+        for _ in 0..3 {
+            taken.push((newest.next(&mut frame).expect("goes on"), frame.seq));
+        }
+        assert_eq!(taken, [(news, 3), (Next::Frame, 5), (Next::Silent, 5)]);
     }
 
     #[test]

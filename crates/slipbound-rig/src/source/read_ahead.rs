@@ -51,11 +51,22 @@ impl ReadAhead {
     /// Reads on until this many complete frames wait, or the source ends or fails; returns all that wait, torn ones
     /// too.
     pub fn read_ahead(&mut self, whole_count: usize) -> impl Iterator<Item = &AheadFrame> {
+        self.read_ahead_seen(whole_count, |_| {})
+    }
+
+    /// The same; `see` is told after every look at the source whether it was silent.
+    pub fn read_ahead_seen(
+        &mut self,
+        whole_count: usize,
+        mut see: impl FnMut(bool),
+    ) -> impl Iterator<Item = &AheadFrame> {
         let mut missing_count = whole_count.saturating_sub(self.ahead.iter().filter(|a| a.torn.is_none()).count());
         let mut torn_since_ns = None;
         while missing_count > 0 && self.failed.is_none() {
             let mut buffer = FrameBuffer::default();
-            match self.source.next(&mut buffer) {
+            let next = self.source.next(&mut buffer);
+            see(matches!(next, Ok(Next::Silent)));
+            match next {
                 Ok(Next::Frame) => {
                     missing_count -= 1;
                     torn_since_ns = None;

@@ -14,6 +14,7 @@
 
 use super::Error;
 use slipbound::image::SizePx;
+use std::collections::VecDeque;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -84,6 +85,8 @@ impl Video {
 pub(super) struct Survey {
     /// Whole frames, dropped ones counted.
     pub frames_count: u64,
+    /// Numbers of the dropped ones, in order.
+    pub dropped: VecDeque<u64>,
     /// Why the rest is missing, for a file that was cut off.
     pub cut: Option<String>,
 }
@@ -209,9 +212,11 @@ impl<R: Read + Seek> Walk<R> {
     /// Counts what is there and goes back to the first frame.
     pub fn survey(&mut self) -> io::Result<Survey> {
         let (at, list_ends) = (self.at, self.list_ends);
+        let mut dropped = VecDeque::new();
         let cut = loop {
             match self.step(None)? {
-                Item::Frame | Item::Dropped => {}
+                Item::Frame => {}
+                Item::Dropped => dropped.push_back(self.frames_seen - 1),
                 Item::Cut(reason) => break Some(reason),
                 Item::End => break None,
             }
@@ -219,7 +224,7 @@ impl<R: Read + Seek> Walk<R> {
         let frames_count = self.frames_seen;
         self.from.seek(SeekFrom::Start(at))?;
         (self.at, self.list_ends, self.frames_seen) = (at, list_ends, 0);
-        Ok(Survey { frames_count, cut })
+        Ok(Survey { frames_count, dropped, cut })
     }
 
     /// Goes on to the next frame and reads it, if there is a buffer to read it into.

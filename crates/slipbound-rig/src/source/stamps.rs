@@ -36,6 +36,11 @@ impl Stamps {
         (!self.are_distrusted).then_some(stamp_ns)
     }
 
+    /// Whether frames have the times of their stamps.
+    pub fn are_used(&self) -> bool {
+        self.have_been_used && !self.are_distrusted
+    }
+
     /// Whether a stamp was not later than the one before it, or missing after others: no later stamp of this source is
     /// trusted.
     pub fn are_distrusted(&self) -> bool {

@@ -16,9 +16,10 @@
 //! The time of a frame is the driver's, on the system's monotonic clock. A gap in the driver's numbers is a frame that was
 //! lost, and counted.
 //!
-//! A camera that comes back gets its first settings again (`negotiated.rs`). If its rate or a locked value differs, its
+//! A camera that comes back is known by its serial number, or where that is not its own by its USB port, not by its
+//! address, which another camera may have by then (`nodes.rs`). It gets its first settings again (`negotiated.rs`). If its rate or a locked value differs, its
 //! first frame is torn and states the difference: the frames that follow do not match the rest frame. If it no longer
-//! has the format or size, it stays away, and one torn frame says why.
+//! has the format or size, or another camera is at its address, it stays away, and one torn frame says why.
 
 mod locks;
 mod negotiated;
@@ -28,12 +29,13 @@ mod sys;
 
 pub use nodes::cameras;
 
-use super::camera::{Camera, CameraTally};
+use super::camera::{Camera, CameraTally, IS_BACK};
 use super::{Error, picture};
+use crate::devices::CameraNode;
 use crate::link::now_ns;
 use negotiated::{NegotiatedSettings, difference, pinned};
-use nodes::{choose, four_letters};
-use options::{Options, PixelKind};
+use nodes::{CameraId, choose, choose_again, four_letters};
+use options::{Lock, Options, PixelKind};
 use slipbound::image::SizePx;
 use slipbound::pixels::yuyv;
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, PixelFormat, SourceError};
@@ -46,8 +48,9 @@ use sys::{Device, Picture, PictureLayout, Stream};
 
 /// Longest wait of one call, ms.
 const LONGEST_WAIT_MS: u16 = 100;
-/// A camera without a frame for this long is reopened, ns.
+/// A camera without a frame for this long is reopened, ns; a slow one for this many of its periods.
 const SILENT_NS: u64 = 3_000_000_000;
+const SILENT_PERIODS: f64 = 3.0;
 /// Time between two searches for a camera that is gone, ns.
 const RETRY_NS: u64 = 500_000_000;
 /// Buffers of the driver: few, because a waiting image gets old, but enough for one late turn of this thread.
@@ -55,13 +58,16 @@ const BUFFERS_COUNT: u32 = 4;
 /// Frames skipped before exposure and the like are locked, and the longest time for that, ns.
 const SETTLE_COUNT: u32 = 15;
 const SETTLE_NS: u64 = 1_500_000_000;
+/// Frames skipped after that, beyond those that wait: the first ones were exposed in part before.
+const LOCKED_COUNT: u32 = 3;
 
 /// The frames of a camera. It comes back by itself after it was unplugged.
 #[derive(Debug)]
 pub struct V4l2 {
     /// What is requested when it comes back.
     options: Options,
-    /// What it was set to first.
+    /// Which camera it is, and what it was set to first.
+    id: CameraId,
     first: NegotiatedSettings,
     /// Why it stays away, or how its settings differ since it is back, until that is reported.
     news: Option<String>,
@@ -79,6 +85,8 @@ struct Open {
     stream: Stream,
     kind: PixelKind,
     layout: PictureLayout,
+    /// Longest silence, ns.
+    silent_ns: u64,
     heard_ns: u64,
     last_sequence: Option<u32>,
 }
@@ -87,20 +95,24 @@ impl V4l2 {
     /// Finds, sets and starts the camera.
     pub fn open(uri: &str) -> Result<Camera, Error> {
         let options = Options::parse(uri).map_err(|expected| Error::Address { uri: uri.into(), expected })?;
-        let (open, facts, first) = start(&options).map_err(|problem| match problem {
-            Problem::Missing(expected) | Problem::Asked(expected) => Error::Address { uri: uri.into(), expected },
+        let refused = |problem| match problem {
+            Problem::Missing(expected) | Problem::Asked(expected) | Problem::Other(expected) => {
+                Error::Address { uri: uri.into(), expected }
+            }
             Problem::Device(source) => Error::Stream { uri: uri.into(), source },
-        })?;
+        };
+        let (node, id) = find(&options.camera).map_err(refused)?;
+        let (open, facts, first) = start(&node, &options).map_err(refused)?;
         let tally = Arc::new(CameraTally::default());
         let options = pinned(&options, &first);
-        let source = V4l2 { open: Some(open), tally: tally.clone(), ..V4l2::away(options, first) };
+        let source = V4l2 { open: Some(open), tally: tally.clone(), ..V4l2::away(options, id, first) };
         Ok(Camera { source: Box::new(source), facts, tally })
     }
 
     /// A camera that is not open.
-    fn away(options: Options, first: NegotiatedSettings) -> Self {
+    fn away(options: Options, id: CameraId, first: NegotiatedSettings) -> Self {
         let tally = Arc::default();
-        V4l2 { options, first, news: None, refused: None, open: None, retry_at_ns: 0, seq: 0, tally }
+        V4l2 { options, id, first, news: None, refused: None, open: None, retry_at_ns: 0, seq: 0, tally }
     }
 
     /// Searches for the camera when it is time for that; otherwise waits for a moment.
@@ -110,25 +122,31 @@ impl V4l2 {
             thread::sleep(Duration::from_nanos(self.retry_at_ns - now).min(Duration::from_millis(100)));
             return;
         }
-        match start(&self.options) {
+        let found = find_again(&self.options.camera, &self.id);
+        match found.and_then(|node| start(&node, &self.options)) {
             Ok((open, _, now)) => {
                 self.open = Some(open);
                 self.refused = None;
-                self.news = difference(&self.first, &now)
-                    .map(|changed| format!("the camera is back, and is set otherwise: {changed}"));
+                self.news =
+                    difference(&self.first, &now).map(|changed| format!("{IS_BACK}, and is set otherwise: {changed}"));
                 self.tally.change(|counts| counts.returns_count += 1);
             }
             Err(problem) => self.stays_away(problem),
         }
     }
 
-    /// Searches again later. A camera that is there and cannot be set as before is reported once.
+    /// Searches again later. A camera that is there and cannot be set as before is reported once, and so is another one at
+    /// its address.
     fn stays_away(&mut self, problem: Problem) {
         self.retry_at_ns = now_ns() + RETRY_NS;
         // If it is not there, the reason does not matter.
-        let Problem::Asked(expected) = problem else { return };
+        let (news, expected) = match problem {
+            Problem::Missing(_) | Problem::Device(_) => return,
+            Problem::Asked(expected) => ("and cannot be set as at first", expected),
+            Problem::Other(expected) => ("but it is another one", expected),
+        };
         if self.refused.as_ref() != Some(&expected) {
-            self.news = Some(format!("the camera is back, and cannot be set as at first: expected {expected}"));
+            self.news = Some(format!("{IS_BACK}, {news}: expected {expected}"));
             self.refused = Some(expected);
         }
     }
@@ -164,7 +182,7 @@ impl FrameSource for V4l2 {
                 Ok(Next::Silent)
             }
             Ok(None) => {
-                if now_ns().saturating_sub(open.heard_ns) > SILENT_NS {
+                if now_ns().saturating_sub(open.heard_ns) > open.silent_ns {
                     self.give_up();
                 }
                 Ok(Next::Silent)
@@ -251,6 +269,8 @@ enum Problem {
     Missing(String),
     /// The camera does not have what was requested; what was expected.
     Asked(String),
+    /// Its address names another camera now; what was expected.
+    Other(String),
     /// The device refused.
     Device(io::Error),
 }
@@ -261,16 +281,30 @@ impl From<io::Error> for Problem {
     }
 }
 
-/// Finds, sets and starts a camera; returns what was negotiated and locked, in words and as values.
-fn start(options: &Options) -> Result<(Open, locks::Facts, NegotiatedSettings), Problem> {
+/// What a camera's address names: a name from udev is a link to the node.
+fn resolved(camera: &str) -> String {
+    let path = fs::canonicalize(camera).ok().filter(|_| camera.starts_with('/'));
+    path.map_or(camera.to_owned(), |path| path.display().to_string())
+}
+
+/// Finds a camera.
+fn find(camera: &str) -> Result<(CameraNode, CameraId), Problem> {
     let (cameras, refused) = cameras();
-    // A name from udev is a link to the node.
-    let path = fs::canonicalize(&options.camera).ok().filter(|_| options.camera.starts_with('/'));
-    let wanted = path.map_or(options.camera.clone(), |path| path.display().to_string());
-    let node = choose(&cameras, &wanted).map_err(|expected| match refused.as_slice() {
+    let node = choose(&cameras, &resolved(camera)).map_err(|expected| match refused.as_slice() {
         [] => Problem::Missing(expected),
         refused => Problem::Missing(format!("{expected}; not readable: {}", refused.join(", "))),
     })?;
+    Ok((node.clone(), CameraId::of(node, &cameras)))
+}
+
+/// Finds a camera that was lost.
+fn find_again(camera: &str, id: &CameraId) -> Result<CameraNode, Problem> {
+    let found = choose_again(&cameras().0, &resolved(camera), id).map_err(Problem::Other)?.cloned();
+    found.ok_or_else(|| Problem::Missing("the camera that was lost".into()))
+}
+
+/// Sets and starts a camera; returns what was negotiated and locked, in words and as values.
+fn start(node: &CameraNode, options: &Options) -> Result<(Open, locks::Facts, NegotiatedSettings), Problem> {
     let device = Device::open(&node.path)?;
     let kind = options.kind_of(&device.formats()).map_err(Problem::Asked)?;
     let set = device.layout()?;
@@ -287,7 +321,7 @@ fn start(options: &Options) -> Result<(Open, locks::Facts, NegotiatedSettings), 
     let rate_hz = device.set_rate(options.rate_hz);
     let mut stream = Stream::start(device, BUFFERS_COUNT)?;
     if locks::can_change(stream.device()) {
-        settle(&mut stream)?;
+        settle(SETTLE_COUNT, now_ns, |wait_ms| skip(&mut stream, wait_ms))?;
     }
     let mut facts = vec![
         ("camera".into(), node.name.clone()),
@@ -299,42 +333,39 @@ fn start(options: &Options) -> Result<(Open, locks::Facts, NegotiatedSettings), 
     ];
     let (lock_facts, locked) = locks::lock(stream.device(), &options.locks).map_err(Problem::Asked)?;
     facts.extend(lock_facts);
+    if options.locks != [Lock::Auto; 4] {
+        // What waits was exposed before.
+        settle(LOCKED_COUNT, now_ns, |wait_ms| skip(&mut stream, wait_ms))?;
+    }
     let negotiated = NegotiatedSettings { kind, size: (layout.width, layout.height), rate_hz, locked };
-    Ok((Open { stream, kind, layout, heard_ns: now_ns(), last_sequence: None }, facts, negotiated))
+    Ok((
+        Open { stream, kind, layout, silent_ns: silent_ns(rate_hz), heard_ns: now_ns(), last_sequence: None },
+        facts,
+        negotiated,
+    ))
 }
 
-/// Skips frames until exposure and white balance have settled.
-fn settle(stream: &mut Stream) -> io::Result<()> {
+/// Longest silence of a camera of this rate, ns.
+fn silent_ns(rate_hz: Option<f64>) -> u64 {
+    rate_hz.map_or(SILENT_NS, |rate_hz| SILENT_NS.max((SILENT_PERIODS * 1e9 / rate_hz) as u64))
+}
+
+/// Skips the next frame if it comes within this time.
+fn skip(stream: &mut Stream, wait_ms: u16) -> io::Result<bool> {
+    Ok(stream.wait(wait_ms)? && stream.take(|_| ())?.is_some())
+}
+
+/// Skips what waits and as many frames more, for a limited time: until exposure and white balance have settled, or the
+/// frames show what they were locked at. `skip`: skips the next frame if it comes within so many ms.
+fn settle(count: u32, now_ns: impl Fn() -> u64, mut skip: impl FnMut(u16) -> io::Result<bool>) -> io::Result<()> {
     let until_ns = now_ns() + SETTLE_NS;
+    while skip(0)? && now_ns() < until_ns {}
     let mut seen_count = 0;
-    while seen_count < SETTLE_COUNT && now_ns() < until_ns {
-        if stream.wait(LONGEST_WAIT_MS)? && stream.take(|_| ())?.is_some() {
-            seen_count += 1;
-        }
+    while seen_count < count && now_ns() < until_ns {
+        seen_count += u32::from(skip(LONGEST_WAIT_MS)?);
     }
     Ok(())
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_camera_that_comes_back_without_its_size_says_so_once_and_one_that_is_gone_nothing() {
-        let options = Options::parse("v4l2:Mini?size=640x480").expect("valid");
-        let first = NegotiatedSettings { kind: PixelKind::Yuyv, size: (640, 480), rate_hz: None, locked: [None; 4] };
-        let mut camera = V4l2::away(options, first);
-        let mut next_after = |problem: Problem| {
-            camera.stays_away(problem);
-            camera.retry_at_ns = u64::MAX;
-            camera.next(&mut FrameBuffer::default()).expect("goes on")
-        };
-        let other = || Problem::Asked("a size that the camera has in YUYV: 320x240; got 640x480".into());
-        assert_eq!(next_after(Problem::Missing("a camera, got none".into())), Next::Silent);
-        assert_eq!(next_after(Problem::Device(io::Error::other("busy"))), Next::Silent);
-        let Next::Torn { reason } = next_after(other()) else { panic!("it says nothing") };
-        assert!(reason.ends_with("expected a size that the camera has in YUYV: 320x240; got 640x480"), "{reason}");
-        assert_eq!(next_after(other()), Next::Silent, "once");
-        assert_eq!(camera.tally.counts().torn_count, 1);
-    }
-}
+mod tests;

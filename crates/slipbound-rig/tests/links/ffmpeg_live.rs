@@ -23,6 +23,8 @@ enum Then {
     HangsUp(usize),
     /// Sends nothing more after this many.
     FallsSilent(usize),
+    /// Answers after this long, and then sends images without end.
+    AnswersLate(Duration),
 }
 
 /// Serves clients one after the other, the last way again and again; returns the address of the stream.
@@ -43,6 +45,9 @@ fn serve(ways: Vec<Then>) -> String {
 /// The four requests of a client (RFC 2326), then images as RTP within the connection.
 fn play(mut client: TcpStream, way: Then, first: usize) -> std::io::Result<()> {
     let mut requests = BufReader::new(client.try_clone()?);
+    if let Then::AnswersLate(after) = way {
+        thread::sleep(after);
+    }
     loop {
         let (mut request, mut number) = (String::new(), String::new());
         requests.read_line(&mut request)?;
@@ -67,7 +72,10 @@ fn play(mut client: TcpStream, way: Then, first: usize) -> std::io::Result<()> {
             break;
         }
     }
-    let (Then::HangsUp(count) | Then::FallsSilent(count)) = way;
+    let count = match way {
+        Then::HangsUp(count) | Then::FallsSilent(count) => count,
+        Then::AnswersLate(_) => usize::MAX,
+    };
     for n in 0..count {
         client.write_all(&interleaved(first + n))?;
         thread::sleep(PERIOD);
@@ -152,6 +160,22 @@ fn a_server_that_hangs_up_or_falls_silent_is_asked_again() {
             Next::End => panic!("a live source has no end"),
         }
     }
+}
+
+/// Every start of the program has the time that connecting takes, not only the first one.
+#[test]
+fn a_server_that_needs_four_seconds_to_answer_is_back_after_a_break() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let url = serve(vec![Then::HangsUp(60), Then::AnswersLate(Duration::from_secs(4))]);
+    let Camera { mut source, tally, .. } = source::open_camera(&url).expect("opens");
+    let (began, mut frame) = (Instant::now(), FrameBuffer::default());
+    while tally.counts().returns_count < 1 {
+        assert!(began.elapsed() < LONGEST, "{:?}", tally.counts());
+        source.next(&mut frame).expect("no final error");
+    }
+    assert!(tally.counts().frames_count > 0 && began.elapsed() > Duration::from_secs(4), "{:?}", tally.counts());
 }
 
 #[test]

@@ -157,6 +157,34 @@ fn stamps_that_stand_still_are_no_times_of_frames() {
     }
 }
 
+/// A time of our clock among those of the server's would be a jump of days to whatever counts by them.
+#[test]
+fn a_torn_part_of_a_stamped_stream_has_its_own_stamp_or_no_time() {
+    let whole = jpeg(1);
+    let cut = &whole[..whole.len() / 2];
+    let stamped = |jpeg: &[u8], stamp: &str| part_of(jpeg, Some(jpeg.len()), &format!("X-Timestamp: {stamp}\r\n"));
+    let script = vec![
+        head(),
+        stamped(&whole, "1.5"),
+        stamped(cut, "2.5"),
+        part_of(cut, Some(cut.len()), ""),
+        stamped(&whole, "3.5"),
+        Step::Send(b"Content-Length: 5000\r\n\r\n".to_vec()),
+        Step::Send(cut.to_vec()),
+    ];
+    let mut camera = open(vec![script, vec![head(), stamped(&whole, "4.5"), Step::Wait(5000)]]);
+    let mut frame = FrameBuffer::default();
+    let mut seen = Vec::new();
+    for _ in 0..6 {
+        let is_whole = next(&mut camera, &mut frame) == Next::Frame;
+        seen.push((is_whole, frame.time_ns.map(|ns| ns / 100_000_000), frame.clock));
+    }
+    let none = (false, None, Clock::Unknown);
+    let device = |is_whole, tenths_s| (is_whole, Some(tenths_s), Clock::Device);
+    assert_eq!(seen, [device(true, 15), device(false, 25), none, device(true, 35), none, device(true, 45)]);
+    assert!(!camera.tally.counts().stamps_are_distrusted);
+}
+
 #[test]
 fn a_whole_frame_is_given_at_once_and_silence_lasts_a_tenth_of_a_second() {
     let jpeg = jpeg(0);

@@ -47,16 +47,17 @@ pub struct Found {
 }
 
 /// Finds the rest frame. `sensor_for`: the finger for frames of a size, given the finger of a saved rest frame under a
-/// name, with a note where it was a choice.
+/// name, with a note where it was a choice. `silence`: told after every look at the source whether it was silent.
 pub fn find(
     args: &Watch,
     recording: &mut ReadAhead,
     settings: &Settings,
+    silence: impl FnMut(bool),
     sensor_for: impl Fn(SizePx, Option<(&Sensor, &str)>) -> Result<(Sensor, Option<String>), Failure>,
 ) -> Result<Found, Failure> {
     let given = args.rest.as_ref().and_then(|argument| given(args, argument)).transpose()?;
     // Also when rest is given: a single frame could have an odd size.
-    let window = Window::read(&args.source, recording, settings.rest.window_count)?;
+    let window = Window::read(&args.source, recording, settings.rest.window_count, silence)?;
     let other = given.as_ref().and_then(|given| given.sizes().into_iter().find(|size| *size != window.size));
     if let (Some(argument), Some(got)) = (&args.rest, other) {
         let (size, source) = (window.size, &args.source);

@@ -1,5 +1,7 @@
 //! A camera that gives no frames for a while: reported once, and again when it is back.
 
+use crate::terminal::Terminal;
+
 /// How long a camera has been silent.
 pub struct StallDetector {
     longest_ns: u64,
@@ -8,6 +10,9 @@ pub struct StallDetector {
 }
 
 impl StallDetector {
+    /// The longest silence of a camera that is not reported where no option says it, ms.
+    pub const LONGEST_MS: u64 = 300;
+
     /// A silence beyond this is reported, ms.
     pub fn new(longest_ms: u64) -> Self {
         StallDetector { longest_ns: longest_ms.saturating_mul(1_000_000), heard_ns: None, is_reported: false }
@@ -27,6 +32,11 @@ impl StallDetector {
         }
         self.is_reported = true;
         Some(format!("no frame for {:.1} s", silent_ns as f64 * 1e-9))
+    }
+
+    /// The same, told on standard error.
+    pub fn note(&mut self, source: &str, now_ns: u64, is_silent: bool, terminal: &Terminal) {
+        self.see(now_ns, is_silent).iter().for_each(|line| terminal.note(&format!("{source}: {line}")));
     }
 }
 

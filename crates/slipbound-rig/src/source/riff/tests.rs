@@ -9,15 +9,20 @@ fn walk_to_the_end(bytes: &[u8]) -> Result<(usize, Option<String>), Fault> {
     let survey = walk.survey()?;
     let mut frame = Vec::new();
     let mut frames = 0;
+    let mut dropped = VecDeque::new();
     loop {
         match walk.next(&mut frame)? {
-            Item::Frame | Item::Dropped => frames += 1,
+            Item::Frame => frames += 1,
+            Item::Dropped => {
+                dropped.push_back(frames as u64);
+                frames += 1;
+            }
             Item::Cut(reason) => {
                 assert_eq!((survey.frames_count, survey.cut.as_ref()), (frames as u64, Some(&reason)));
                 return Ok((frames, Some(reason)));
             }
             Item::End => {
-                assert_eq!(survey, Survey { frames_count: frames as u64, cut: None });
+                assert_eq!(survey, Survey { frames_count: frames as u64, dropped, cut: None });
                 return Ok((frames, None));
             }
         }

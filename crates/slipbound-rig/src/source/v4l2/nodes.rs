@@ -96,9 +96,64 @@ pub(super) fn choose<'a>(cameras: &'a [CameraNode], wanted: &str) -> Result<&'a 
     Err(format!("a camera `{wanted}`; {} (`slipbound devices`)", listed()))
 }
 
+/// Which camera it is, whatever its address names later: nodes are numbered in the order in which cameras come.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct CameraId {
+    first: CameraNode,
+    /// Whether another camera has the same serial number.
+    is_serial_shared: bool,
+}
+
+impl CameraId {
+    /// That of a node among all.
+    pub fn of(first: &CameraNode, cameras: &[CameraNode]) -> Self {
+        CameraId { first: first.clone(), is_serial_shared: has_twin(first, cameras) }
+    }
+
+    fn is(&self, node: &CameraNode, cameras: &[CameraNode]) -> bool {
+        let first = &self.first;
+        let is_at_its_place = node.usb_device == first.usb_device && node.name == first.name;
+        let tells_apart = first.serial.is_some() && !self.is_serial_shared && !has_twin(node, cameras);
+        node.serial == first.serial && (tells_apart || is_at_its_place)
+    }
+
+    fn described(&self) -> String {
+        match (&self.first.serial, &self.first.usb_device) {
+            (Some(serial), _) if !self.is_serial_shared => format!("the one with serial {serial}"),
+            (_, Some(place)) => format!("{} at {}", self.first.name, place.display()),
+            (_, None) => self.first.name.clone(),
+        }
+    }
+}
+
+/// Whether another camera has the same serial number.
+fn has_twin(node: &CameraNode, cameras: &[CameraNode]) -> bool {
+    cameras.iter().any(|other| other.serial == node.serial && other.usb_device != node.usb_device)
+}
+
+/// The camera that was chosen as `first` before; None while it is not there. The error says which other one `wanted`
+/// names now.
+pub(super) fn choose_again<'a>(
+    cameras: &'a [CameraNode],
+    wanted: &str,
+    first: &CameraId,
+) -> Result<Option<&'a CameraNode>, String> {
+    let named = choose(cameras, wanted).ok();
+    if named.is_some_and(|named| first.is(named, cameras)) {
+        return Ok(named);
+    }
+    // Of several nodes of the camera, one with the same images.
+    let is_it = |node: &&CameraNode| first.is(node, cameras) && node.formats == first.first.formats;
+    match (cameras.iter().find(is_it), named) {
+        (None, Some(other)) => Err(format!("{}, got {}", first.described(), other.described())),
+        (found, _) => Ok(found),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::slice;
 
     fn camera(number: u32, name: &str, serial: Option<&str>) -> CameraNode {
         CameraNode {
@@ -130,13 +185,65 @@ mod tests {
         assert!(path("digit").expect_err("none such").starts_with("a camera `digit`; there are"));
         assert!(choose(&[], "x").expect_err("none").contains("there is no camera"));
         // Cheap modules all have the same serial number.
-        let twins = [2, 4].map(|number| CameraNode {
-            usb_device: Some(format!("/sys/devices/usb1/1-{number}").into()),
-            ..camera(number, "UVC Camera", Some("0001"))
-        });
+        let twins = [2, 4].map(|number| twin(number, number));
         for wanted in ["0001", "UVC Camera"] {
             let two = choose(&twins, wanted).expect_err("two cameras");
             assert!(two.contains("/dev/video2") && two.contains("/dev/video4"), "{two}");
         }
+    }
+
+    /// A module of a kind of which every one has the same serial number, at a port.
+    fn twin(number: u32, port: u32) -> CameraNode {
+        let usb_device = Some(format!("/sys/devices/usb1/1-{port}").into());
+        CameraNode { usb_device, ..camera(number, "UVC Camera", Some("0001")) }
+    }
+
+    #[test]
+    fn a_camera_that_is_back_is_the_one_that_was_lost_and_no_other_at_its_address() {
+        let (left, right) = (camera(0, "Mini", Some("28H8")), camera(2, "Mini", Some("41AA")));
+        let first = CameraId::of(&left, &[left.clone(), right.clone()]);
+        let again = |cameras: &[CameraNode], wanted: &str, first: &CameraId| {
+            choose_again(cameras, wanted, first).map(|found| found.map(|node| node.path.display().to_string()))
+        };
+        let at = |path: &str| Ok(Some(path.to_owned()));
+        assert_eq!(again(&[left.clone(), right.clone()], "/dev/video0", &first), at("/dev/video0"));
+        // The other one is back first, and has its number.
+        let (right, left) = (camera(0, "Mini", Some("41AA")), camera(1, "Mini", Some("28H8")));
+        let other = "the one with serial 28H8, got /dev/video0 Mini serial 41AA";
+        for wanted in ["/dev/video0", "Mini"] {
+            assert_eq!(again(slice::from_ref(&right), wanted, &first), Err(other.into()), "{wanted}");
+            assert_eq!(again(&[right.clone(), left.clone()], wanted, &first), at("/dev/video1"), "{wanted}");
+        }
+        assert_eq!(again(&[right], "28H8", &first), Ok(None));
+        assert_eq!(again(&[], "/dev/video0", &first), Ok(None));
+        // It may be at another port.
+        let moved = CameraNode { usb_device: Some("/sys/devices/usb2/2-1".into()), ..left };
+        assert_eq!(again(&[moved], "/dev/video0", &first), at("/dev/video1"));
+    }
+
+    #[test]
+    fn cameras_of_one_serial_number_or_none_are_known_by_their_port() {
+        let first = CameraId::of(&twin(0, 4), &[twin(0, 4), twin(2, 5)]);
+        let lone = CameraId::of(&twin(0, 4), &[twin(0, 4)]);
+        let error = "UVC Camera at /sys/devices/usb1/1-4, got /dev/video0 UVC Camera serial 0001";
+        assert_eq!(choose_again(&[twin(0, 5)], "/dev/video0", &first), Err(error.into()));
+        for first in [&first, &lone] {
+            let both = [twin(0, 5), twin(2, 4)];
+            assert_eq!(choose_again(&both, "/dev/video0", first), Ok(Some(&both[1])), "the other came first");
+        }
+        let bare = |number, port: u32| CameraNode { serial: None, ..twin(number, port) };
+        let first = CameraId::of(&bare(0, 4), &[bare(0, 4)]);
+        assert!(choose_again(&[bare(0, 5)], "/dev/video0", &first).is_err());
+        assert_eq!(choose_again(&[bare(3, 4)], "/dev/video0", &first), Ok(Some(&bare(3, 4))));
+        // Cameras that are not on USB have neither.
+        let built_in = camera(0, "Integrated Webcam", None);
+        let first = CameraId::of(&built_in, slice::from_ref(&built_in));
+        assert_eq!(choose_again(slice::from_ref(&built_in), "webcam", &first), Ok(Some(&built_in)));
+        // Of two kinds of images of one camera the same.
+        let depth = CameraNode { formats: vec!["Z16 ".into()], ..camera(0, "D405", Some("7")) };
+        let colour = camera(2, "D405", Some("7"));
+        let first = CameraId::of(&colour, &[depth.clone(), colour.clone()]);
+        let renumbered = [CameraNode { path: "/dev/video4".into(), ..depth }, camera(6, "D405", Some("7"))];
+        assert_eq!(choose_again(&renumbered, "/dev/video2", &first), Ok(Some(&renumbered[1])));
     }
 }
