@@ -458,6 +458,37 @@ fn a_wrist_without_a_position_is_silent_and_one_that_counts_from_a_new_zero_is_a
     assert_eq!(publishes(20.5, "the position of before", Result::is_ok).0.expect("there").lowered_mm, 20.5);
 }
 
+/// A wrist that is still on its way while the loop listens for other nodes: it never fell silent.
+#[test]
+fn a_wrist_that_moves_while_the_loop_listens_has_not_been_away() {
+    const RISE_MM_PER_S: f64 = 5.0;
+    let domain_id = domain_id(5);
+    let _nodes = Nodes::start(domain_id, &[]);
+    let mut control = Loop::start(&["run", "lift"], &TOPICS.replace("/two/", "/rising/"), domain_id);
+    let (stop, run) = (control.stop.clone(), control.run.clone());
+    let wrist = thread::spawn(move || {
+        let mut ros = Ros::new("/", "test_rising", domain_id).expect("joins");
+        let states = ros.publisher("/rising/wrist/state", &SENSOR_DATA).expect("a publisher");
+        let (began, mut lowered_mm) = (Instant::now(), 0.0);
+        while !stop.load(Ordering::Relaxed) {
+            let moving = !run.exists();
+            if moving {
+                lowered_mm = began.elapsed().as_secs_f64() * RISE_MM_PER_S;
+            }
+            let header = Header { stamp: stamp(), frame_id: String::new() };
+            states.publish(WristStateMessage { header, angle_rad: 0.0, lowered_mm, moving }).expect("said");
+            sleep(Duration::from_millis(20));
+        }
+    });
+    await_that("the run begins", LONGEST_WAIT, || control.run.join("events.jsonl").exists());
+    await_that("it commands", Duration::from_secs(5), || !control.commanded_n().is_empty());
+    assert!(!control.notes("new zero"), "{:?}", control.lines("events.jsonl"));
+    control.process().interrupt();
+    assert_eq!(control.process().exit_code(Duration::from_secs(10)), Some(1), "interrupted");
+    control.stop.store(true, Ordering::Relaxed);
+    wrist.join().expect("published");
+}
+
 /// The namespace and the device made by `ros2/namespaces.sh`.
 pub const THERE: &str = "slipbound-there";
 const LINK: &str = "finger0";
