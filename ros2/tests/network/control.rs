@@ -400,6 +400,24 @@ fn wrong_or_missing_keys_are_refused_by_name() {
     }
 }
 
+/// Files that cannot be written, and numbers and names that cannot be; before a network is joined.
+#[test]
+fn what_the_tools_cannot_use_is_refused_by_name() {
+    let name = "expected a name that ROS takes, got `two words`";
+    for (args, code, said) in [
+        (&["simulate", "--topic", "/t", "--sensor", "/nowhere/left.toml"][..], 1, "/nowhere/left.toml: cannot write: "),
+        (&["emulate", "--log", "/nowhere/log"], 1, "/nowhere/log: cannot write: "),
+        (&["emulate", "--action", "two words"], 2, &format!("--action: {name}")),
+        (&["emulate", "--holding-n", "nan"], 2, "--holding-n: expected a finite number above 0, got NaN"),
+        (&["emulate", "--holding-n=-1"], 2, "--holding-n: expected a finite number above 0, got -1"),
+        (&["emulate", "--width-mm", "nan"], 2, "--width-mm: expected 0 to 110 mm, got NaN"),
+        (&["emulate", "--width-mm", "200"], 2, "--width-mm: expected 0 to 110 mm, got 200"),
+    ] {
+        let (got, told) = Process::refused(args);
+        assert!(got == Some(code) && told.contains(said), "`{told}` lacks `{said}`, or {got:?} is not {code}");
+    }
+}
+
 /// As for the node; what is refused here comes after the domain.
 #[test]
 fn a_domain_that_is_set_to_nothing_is_domain_0_for_tools_too() {
