@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class Error(Exception):
     """Base of everything that slipbound raises by itself."""
@@ -48,6 +50,10 @@ class SourceError(Error, OSError):
     def __str__(self) -> str:
         # OSError would put number and file before a text that contains them already.
         return str(self.args[0]) if self.args else ""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # OSError passes number and file on only where it was made of them.
+        return type(self), self.args, {**self.__dict__, "errno": self.errno, "filename": self.filename}
 
 
 class ClosedError(Error, ValueError):

@@ -75,13 +75,16 @@ def to_pandas(reports: Iterable[Report]) -> pandas.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Whole numbers are ``Int64``, so that a time in ns stays exact where another row has none.
+        Whole numbers are ``Int64``, so that a time in ns stays exact where another row has none; ``UInt64`` in a column
+        with one above 2^63 - 1.
     """
     import pandas
 
+    def column(values: list[Value], template: Value) -> pandas.Series[Any]:
+        most = max((value for value in values if isinstance(value, int)), default=0)
+        whole = "Int64" if most < 1 << 63 else "UInt64"
+        return pandas.Series(values, dtype=whole if type(template) is int else None)
+
     table = rows(reports)
-    columns = {
-        name: pandas.Series([row[name] for row in table], dtype="Int64" if type(value) is int else None)
-        for name, value in flat(_template()).items()
-    }
+    columns = {name: column([row[name] for row in table], value) for name, value in flat(_template()).items()}
     return pandas.DataFrame(columns)

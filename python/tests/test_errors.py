@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import errno
 import os
+import pickle
 import shutil
 import signal
 import socket
@@ -123,6 +125,20 @@ def test_sources_that_cannot_be(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(slipbound.SourceError):
         slipbound.watch(tmp_path / "empty")
+
+
+def test_exceptions_go_to_other_processes_with_what_they_say(tmp_path):
+    for failing in (
+        lambda: slipbound.watch(tmp_path / "nothing.avi"),
+        lambda: slipbound.Settings(tmp_path / "nothing.toml"),
+    ):
+        with pytest.raises(slipbound.Error) as raised:
+            failing()
+        for thing in (pickle.loads(pickle.dumps(raised.value)), copy.copy(raised.value)):
+            assert (type(thing), str(thing)) == (type(raised.value), str(raised.value))
+            assert thing.errno == raised.value.errno == errno.ENOENT
+            assert thing.filename == raised.value.filename and thing.filename.startswith(str(tmp_path))
+            assert getattr(thing, "kind", None) == getattr(raised.value, "kind", None)
 
 
 def test_files_that_cannot_be_read_have_number_and_name(tmp_path):

@@ -203,6 +203,10 @@ def test_whole_numbers_of_a_table_are_exact_where_one_is_unknown(monitor, frames
     assert table.time_ns[0] == time_ns and table.time_ns[1] is pandas.NA
     assert {str(table[name].dtype) for name in ("seq", "markers_lost", "margin_age_frames")} == {"Int64"}
     assert list(slipbound.to_pandas([]).columns) == list(table.columns)
+    most = (1 << 64) - 1
+    table = slipbound.to_pandas([monitor.step(frames[0].image(), time_ns=t) for t in (None, most)])
+    assert table.time_ns[0] is pandas.NA and table.time_ns[1] == most
+    assert (str(table.time_ns.dtype), str(table.seq.dtype)) == ("UInt64", "Int64")
 
 
 def clips() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:

@@ -234,6 +234,10 @@ fn check_fingers(file: &ConfigFile, known: &[FingerConfig], node: &str) -> Resul
         if !is_known || before.iter().any(|other| other.name == finger.name) {
             return Err(wrong(&key("name"), hand_fingers, format!("`{}`", finger.name)));
         }
+        if finger.name == "hand" {
+            let expected = "a name of its own: hand/report is the topic of the whole hand";
+            return Err(wrong(&key("name"), expected, "`hand`"));
+        }
         // The names of its topics contain it.
         if Name::parse(&full_topic(node, &format!("{}/report", finger.name))).is_err() {
             let expected = "a name that ROS takes: letters, digits and _, no digit first";
@@ -372,7 +376,9 @@ mod tests {
             assert!(message.contains(&format!("`{text}`")), "{message}");
         }
         assert_eq!(read(&anywhere, Some("")).expect("not set").domain_id, 0);
-        for name in ["left-thumb", "2nd"] {
+        let ros_takes = "a name that ROS takes: letters, digits and _, no digit first";
+        let of_its_own = "a name of its own: hand/report is the topic of the whole hand";
+        for (name, expected) in [("left-thumb", ros_takes), ("2nd", ros_takes), ("hand", of_its_own)] {
             let folder = tempfile::tempdir().expect("a folder");
             std::fs::write(
                 folder.path().join("hand.toml"),
@@ -382,9 +388,7 @@ mod tests {
             let path = folder.path().join("node.toml");
             std::fs::write(&path, NODE.replace("name = \"left\"", &format!("name = \"{name}\""))).expect("writes");
             let message = load(&path, None).expect_err("no name of a topic").to_string();
-            let said = format!(
-                "node.toml: fingers[1].name: expected a name that ROS takes: letters, digits and _, no digit first, got `{name}`"
-            );
+            let said = format!("node.toml: fingers[1].name: expected {expected}, got `{name}`");
             assert!(message.contains(&said), "{message}");
         }
     }

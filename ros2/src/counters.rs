@@ -37,6 +37,8 @@ pub struct FingerCounters {
     reports_before_count: u64,
     received_before_count: u64,
     lost_before_count: u64,
+    /// Reports since the last status that are no verdict.
+    unjudged_count: u64,
     latencies_ns: Vec<u64>,
 }
 
@@ -51,6 +53,7 @@ impl FingerCounters {
     /// A report has been published `now_ns`, of an image with this stamp, both ns since 1970.
     pub fn published(&mut self, now_ns: u64, stamp_ns: Option<u64>, state: &str) {
         self.reports_count += 1;
+        self.unjudged_count += u64::from(state == "unjudged");
         if self.state != state {
             self.state.replace_range(.., state);
         }
@@ -92,6 +95,7 @@ impl FingerCounters {
         let lost_count = self.lost_count() - self.lost_before_count;
         (self.counted_at_ns, self.reports_before_count) = (now_ns, self.reports_count);
         (self.lost_before_count, self.received_before_count) = (self.lost_count(), self.received_count);
+        let unjudged_count = std::mem::take(&mut self.unjudged_count);
         let rate_hz = if elapsed_s > 0.0 { reports_count as f64 / elapsed_s } else { 0.0 };
         self.latencies_ns.sort_unstable();
         let quantile = |fraction: f64| {
@@ -106,8 +110,11 @@ impl FingerCounters {
             _ if received_count == 0 || (lifecycle == State::Active && reports_count == 0) => {
                 (3, "no pictures".to_owned())
             }
+            _ if unjudged_count > 0 && unjudged_count == reports_count => (1, "no picture could be judged".to_owned()),
             _ if lost_count > 0 => (1, format!("{lost_count} pictures lost")),
+            _ if unjudged_count > 0 => (1, format!("{unjudged_count} of {reports_count} pictures could not be judged")),
             _ if lifecycle == State::Inactive => (0, "inactive: judged, not published".to_owned()),
+            _ if lifecycle != State::Active => (0, format!("{}: not active yet", lifecycle.label())),
             _ => (0, self.state.clone()),
         };
         let value = |key: &str, value: String| KeyValue { key: key.into(), value };
@@ -154,5 +161,24 @@ mod tests {
         let status = counters.status(5_000_000_000, State::Inactive, "slipbound", "left", "A");
         assert_eq!((status.level, status.message.as_str()), (0, "inactive: judged, not published"));
         assert_eq!(status.values[0], KeyValue { key: "lifecycle".into(), value: "inactive".into() });
+    }
+
+    #[test]
+    fn images_that_cannot_be_judged_are_a_warning_and_a_node_that_is_not_active_yet_says_so() {
+        let mut counters = FingerCounters { has_rest: true, ..FingerCounters::default() };
+        let mut said = |lifecycle: State, verdicts: &[&str]| {
+            for (seq, verdict) in (counters.received_count..).zip(verdicts) {
+                counters.received(seq);
+                if lifecycle == State::Active {
+                    counters.published(0, None, verdict);
+                }
+            }
+            let status = counters.status(0, lifecycle, "slipbound", "left", "A");
+            (status.level, status.message)
+        };
+        assert_eq!(said(State::Unconfigured, &["stick"]), (0, "unconfigured: not active yet".into()));
+        assert_eq!(said(State::Active, &["unjudged"; 3]), (1, "no picture could be judged".into()));
+        assert_eq!(said(State::Active, &["unjudged", "stick"]), (1, "1 of 2 pictures could not be judged".into()));
+        assert_eq!(said(State::Active, &["stick"]), (0, "stick".into()), "of this second");
     }
 }

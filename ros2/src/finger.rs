@@ -24,6 +24,14 @@ pub struct Finger {
     looks_for_rest: bool,
 }
 
+/// Why an image in this state is none of a finger at rest.
+fn no_rest_in(state: SlipState) -> String {
+    match state {
+        SlipState::Unjudged => "expected a finger at rest, got an image that could not be judged".into(),
+        _ => "expected a finger that nothing touches, got one in contact".into(),
+    }
+}
+
 /// Result of an image.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FrameOutcome {
@@ -84,8 +92,7 @@ impl Finger {
                 (self.is_taring, self.finder) = (true, None);
                 Ok(())
             }
-            Some(SlipState::Unjudged) => Err("expected a finger at rest, got an image that could not be judged".into()),
-            Some(_) => Err("expected a finger that nothing touches, got one in contact".into()),
+            Some(state) => Err(no_rest_in(state)),
         }
     }
 
@@ -122,7 +129,7 @@ impl Finger {
                     Err("rest was not looked for".into())
                 }
             },
-            _ => Err("expected a finger that nothing touches, got one in contact".into()),
+            state => Err(no_rest_in(state)),
         };
         (self.is_taring, self.finder) = (false, None);
         FrameOutcome::Tared(report, ended)
@@ -166,5 +173,33 @@ impl Finger {
             }
             Err(e) => FrameOutcome::Refused(e.to_string()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slipbound::port::{FrameSource as _, Next};
+    use slipbound_lab::scenes::Trial;
+    use slipbound_lab::world::World;
+
+    #[test]
+    fn a_tare_that_meets_an_image_that_cannot_be_judged_says_so() {
+        let scene = Trial::parse("press?grid=fast&rest_frames=24").expect("a scene");
+        let mut world = World::new(&scene).expect("a world");
+        let mut finger = Finger::new(world.sensor(), Settings::default());
+        finger.look();
+        let mut frame = FrameBuffer::default();
+        while finger.last_state != Some(SlipState::NoContact) {
+            assert_eq!(world.next(&mut frame).expect("simulates"), Next::Frame);
+            finger.see(&frame, None);
+        }
+        finger.tare().expect("untouched");
+        frame.seq += 1;
+        frame.pixels.fill(0);
+        let FrameOutcome::Tared(report, Err(why)) = finger.see(&frame, None) else { panic!("it was tared") };
+        assert_eq!(report.state, SlipState::Unjudged, "dark");
+        assert_eq!(why, "expected a finger at rest, got an image that could not be judged");
+        assert_eq!(finger.tare(), Err(why), "as who asks for a tare then is told");
     }
 }

@@ -200,7 +200,7 @@ impl SlipNode {
                 return Ok(());
             }
             self.diagnose();
-            if self.network.reconnects.participant_returned() {
+            if self.network.reconnects.must_rejoin() {
                 self.rejoin()?;
             }
         }

@@ -4,7 +4,7 @@ use crate::msg::{CompressedImage, Header};
 use jpeg_encoder::{ColorType, Encoder};
 use ros2_client::Publisher;
 use slipbound::image::SizePx;
-use slipbound::monitor::{SlipMonitor, SlipReport};
+use slipbound::monitor::{Reason, SlipMonitor, SlipReport};
 use slipbound::port::FrameBuffer;
 use slipbound_rig::overlay::Overlay;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -19,7 +19,8 @@ const QUALITIES: [u8; 4] = [80, 60, 40, 25];
 
 struct Job {
     header: Header,
-    frame: FrameBuffer,
+    /// None where it is torn.
+    frame: Option<FrameBuffer>,
     report: SlipReport,
     monitor: SlipMonitor,
 }
@@ -41,7 +42,8 @@ impl OverlayThread {
             for job in jobs {
                 let Job { header, frame, report, monitor } = *job;
                 let overlay = drawn.get_or_insert_with(|| Overlay::new(monitor.sensor()));
-                overlay.draw(frame.frame().ok().as_ref(), &report, &monitor);
+                let frame = frame.as_ref().and_then(|frame| frame.frame().ok());
+                overlay.draw(frame.as_ref(), &report, &monitor);
                 if let Some(data) = encode(overlay.rgb(), overlay.size()) {
                     let _ = publisher.publish(CompressedImage { header, format: "jpeg".into(), data }); // best effort
                 }
@@ -53,10 +55,11 @@ impl OverlayThread {
         OverlayThread { to, free }
     }
 
-    /// Shows an image that has just been judged, if the last one has been drawn.
+    /// Shows an image that has just been judged, if the last one has been drawn. `frame` is the one before where it is torn.
     pub fn show(&mut self, header: Header, frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor) {
         if self.free.try_recv().is_ok() {
-            let job = Job { header, frame: frame.clone(), report: *report, monitor: monitor.clone() };
+            let frame = (report.reason != Some(Reason::Torn)).then(|| frame.clone());
+            let job = Job { header, frame, report: *report, monitor: monitor.clone() };
             let _ = self.to.try_send(Box::new(job)); // the thread is gone: nothing is shown
         }
     }

@@ -146,7 +146,7 @@ impl RosHand {
             if Instant::now() >= until {
                 return Err(missing);
             }
-            pause(stop)?;
+            self.pause(stop)?;
         }
         let (begun, mut told) = (Instant::now(), false);
         loop {
@@ -159,7 +159,7 @@ impl RosHand {
                 waits(&format!("{}: another node can publish here; no command of it for 5 s", others.topic));
                 told = true;
             }
-            pause(stop)?;
+            self.pause(stop)?;
         }
         self.others.clear();
         Ok(())
@@ -181,12 +181,15 @@ impl RosHand {
         let place = self.arrivals.iter().position(|arrivals| !arrivals.is_waiting())?;
         Some((3 + place, self.no_images[place].clone()))
     }
-}
 
-/// A short time; the error is that of the user who does not want to wait.
-fn pause(stop: &AtomicBool) -> Result<(), String> {
-    sleep(Duration::from_millis(10));
-    if stop.load(Ordering::Relaxed) { Err("interrupted; nothing was commanded".into()) } else { Ok(()) }
+    /// A short time, in which gripper and wrist are listened to: what nobody reads counts as silence. The error is that of
+    /// the user who does not want to wait.
+    fn pause(&mut self, stop: &AtomicBool) -> Result<(), String> {
+        sleep(Duration::from_millis(10));
+        self.gripper.poll_io();
+        self.wrist.poll_io();
+        if stop.load(Ordering::Relaxed) { Err("interrupted; nothing was commanded".into()) } else { Ok(()) }
+    }
 }
 
 fn no_images(config: &Config, place: usize, finger: &Finger) -> String {

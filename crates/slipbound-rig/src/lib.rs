@@ -10,6 +10,7 @@
 //! | which fingers a hand has and how they are mounted | [`config::hand`] |
 //! | a saved rest frame | [`rest_file`] |
 //! | reports as JSON lines | [`report_json`] |
+//! | what is told of a frame that was not measured | [`unmeasured`] |
 //! | reports as a table, slips as lines, summaries as text | [`report_csv`], [`report_slips`], [`report_summary`] |
 //! | how long each step takes | [`timings`] |
 //! | overlay images of the results | [`overlay`] |
@@ -70,6 +71,7 @@ pub mod rest_file;
 pub mod run;
 pub mod source;
 pub mod timings;
+pub mod unmeasured;
 pub mod wrist;
 
 pub use config::sensors;

@@ -8,6 +8,7 @@
 //! nothing of a frame was measured.
 
 use crate::report_json::frame_line;
+pub use crate::unmeasured::is_unmeasured;
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use slipbound::monitor::{
     ContactReport, Estimate, Estimates, EvidenceReport, MarkerCounts, MotionReport, Reason, ShearReport, SlipKind,
@@ -77,13 +78,6 @@ fn full_report() -> SlipReport {
 
 /// The parts of a report that are measured in every judged frame.
 pub const MEASURED: [&str; 3] = ["contact", "markers", "slip"];
-
-/// Whether a frame was not measured at all.
-pub fn is_unmeasured(report: &SlipReport) -> bool {
-    use Reason::{Dark, FrameSize, Gap, Torn};
-    let is_reason = matches!(report.reason, Some(Dark { .. } | FrameSize { .. } | Gap { .. } | Torn));
-    report.state == SlipState::Unjudged && is_reason
-}
 
 /// The line of a report in which nothing is null, and every number that may have a fraction has one.
 pub fn full_line() -> io::Result<Vec<u8>> {

@@ -18,6 +18,7 @@
 
 mod outline;
 
+use crate::unmeasured::markers_after;
 use serde::{Deserialize, Serialize};
 use serde_json::ser::Formatter;
 use slipbound::image::Mask;
@@ -165,13 +166,14 @@ fn put_frame(
     report: &SlipReport,
     field: Option<MarkerField<'_>>,
 ) -> io::Result<()> {
-    let lost_ids = field.map(|f| f.markers.iter().filter(|m| !m.matched).map(|m| m.id).collect());
+    let markers = field.map(|f| markers_after(report, f.markers));
+    let lost_ids = markers.as_ref().map(|all| all.iter().filter(|m| !m.matched).map(|m| m.id).collect());
     // A frame that was not judged has no contact region of its own.
     let outlines = |f: MarkerField<'_>| match report.contact.area_px2 {
         0.0 => Vec::new(),
         _ => outline::outlines(f.contact_region),
     };
-    let (contact_outline_px, field) = (field.map(outlines), field.map(|f| Field(f.markers)));
+    let (contact_outline_px, field) = (field.map(outlines), markers.as_deref().map(Field));
     let written = FrameLine { finger, frame, report, field, lost_ids, contact_outline_px };
     Ok(written.serialize(&mut serde_json::Serializer::with_formatter(line, FourDecimals))?)
 }
@@ -419,6 +421,21 @@ mod tests {
         let line = frame_line("left", 1, &torn, Some(field(&[], &region()))).expect("writes");
         let line: Value = serde_json::from_slice(&line).expect("JSON");
         assert_eq!(line["contact_outline_px"], Value::Array(Vec::new()));
+    }
+
+    #[test]
+    fn a_frame_that_was_not_measured_has_no_marker_that_was_found_or_slips() {
+        let dark = Some(Reason::Dark { mean_levels: 0.0 });
+        let unmeasured =
+            SlipReport { state: SlipState::Unjudged, reason: dark, contact: ContactReport::default(), ..report() };
+        let of = |report: &SlipReport| {
+            let line = frame_line("left", 1, report, Some(field(&[marker()], &region()))).expect("writes");
+            let line: Value = serde_json::from_slice(&line).expect("JSON");
+            (line["field"].to_string(), line["lost_ids"].to_string())
+        };
+        assert_eq!(of(&unmeasured), ("[[4,11.5,19,1.5,-1,0,0,0,0,0]]".into(), "[4]".into()));
+        let measured = SlipReport { reason: Some(Reason::MarkersLost), ..unmeasured };
+        assert_eq!(of(&measured), ("[[4,11.5,19,1.5,-1,0.25,null,1,0,1]]".into(), "[]".into()), "what there is");
     }
 
     #[test]

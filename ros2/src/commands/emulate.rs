@@ -5,7 +5,9 @@ use ros2_client::action::{ActionServer, ActionServerQosPolicies, SendGoalRespons
 use ros2_client::{ActionTypeName, Name, Publisher};
 use slipbound::plant::{JawCommand, JawDrive, JawSettings, WristDrive};
 use slipbound::port::{WristCommand, WristMotion};
+use slipbound::setting::SettingError;
 use slipbound_rig::link::now_ns;
+use slipbound_ros2::error::Error;
 use slipbound_ros2::msg::{
     GripCommand, GripperCommandGoal, GripperCommandResult, GripperState, Header, JointState, WristCommand as WristSaid,
     WristState,
@@ -54,7 +56,7 @@ struct Action {
 }
 
 impl Action {
-    fn new(ros: &mut Ros, name: &str) -> Result<Self, Box<dyn std::error::Error>> {
+    fn new(ros: &mut Ros, name: &Name) -> Result<Self, Box<dyn std::error::Error>> {
         let qos = ActionServerQosPolicies {
             goal_service: RELIABLE,
             result_service: RELIABLE,
@@ -63,9 +65,8 @@ impl Action {
             status_publisher: LATCHED,
         };
         let kind = ActionTypeName::new("control_msgs", "GripperCommand");
-        let name = Name::parse(name).map_err(|e| format!("--action: {e:?}"))?;
         let services = ros.services();
-        let server = ros.node().create_action_server(services, &name, &kind, qos)?;
+        let server = ros.node().create_action_server(services, name, &kind, qos)?;
         Ok(Action { server, joints: ros.publisher("/joint_states", &SENSOR_DATA)? })
     }
 
@@ -101,20 +102,41 @@ struct EmulatedHand {
 }
 
 impl Emulate {
+    /// Checks the numbers, and the name of the action, which it returns.
+    fn check(&self) -> Result<Option<Name>, Error> {
+        let wrong = |key: &str, expected: String, got: f64| {
+            Err(Error::from(SettingError { key: key.into(), expected, got: got.to_string() }))
+        };
+        if !(0.0..=OPEN_MM).contains(&self.width_mm) {
+            return wrong("--width-mm", format!("0 to {OPEN_MM} mm"), self.width_mm);
+        }
+        if let Some(force_n) = self.holding_n.filter(|force_n| !(force_n.is_finite() && *force_n > 0.0)) {
+            return wrong("--holding-n", "a finite number above 0".into(), force_n);
+        }
+        let parsed = |name: &String| {
+            let refused = |why| Error::Name { key: "--action".into(), name: name.clone(), why };
+            Name::parse(name).map_err(|e| refused(format!("{e:?}")))
+        };
+        self.action.as_ref().map(parsed).transpose()
+    }
+
     /// Runs until it is stopped.
     pub fn run(&self, stop: &AtomicBool) -> Done {
-        let mut ros = Ros::new("/", "slipbound_emulate", domain_id()?)?.with_services(self.service_mapping);
+        let domain_id = domain_id()?;
+        let action = self.check()?;
+        let created = |path: &PathBuf| File::create(path).map_err(|e| format!("{}: cannot write: {e}", path.display()));
+        let mut log = self.log.as_ref().map(created).transpose()?;
+        let mut ros = Ros::new("/", "slipbound_emulate", domain_id)?.with_services(self.service_mapping);
         let base = &self.base;
         let mut hand = EmulatedHand {
-            jaws: JawDrive::new(JawSettings::default()).map_err(slipbound_ros2::error::Error::from)?,
+            jaws: JawDrive::new(JawSettings::default()).map_err(Error::from)?,
             wrist: WristDrive::new(),
             commands: ros.inbox(&format!("{base}/gripper/command"), &LAST_RELIABLE)?,
             states: ros.publisher(&format!("{base}/gripper/state"), &SENSOR_DATA)?,
             motions: ros.inbox(&format!("{base}/wrist/command"), &LAST_RELIABLE)?,
             wrist_states: ros.publisher(&format!("{base}/wrist/state"), &SENSOR_DATA)?,
-            action: self.action.as_deref().map(|name| Action::new(&mut ros, name)).transpose()?,
+            action: action.map(|name| Action::new(&mut ros, &name)).transpose()?,
         };
-        let mut log = self.log.as_ref().map(File::create).transpose()?;
         let began_ns = now_ns();
         // Jaws that were left holding have already held for long when the node starts.
         let passed_ns = match self.holding_n {

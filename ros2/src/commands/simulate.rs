@@ -56,7 +56,7 @@ impl Simulate {
     pub fn run(&self, stop: &AtomicBool) -> Done {
         let (sensor, jpegs) = jpegs(&self.scene).map_err(Error::from)?;
         if let Some(path) = &self.sensor {
-            std::fs::write(path, sensors::to_toml(&sensor)?)?;
+            sensors::write(&sensors::to_toml(&sensor)?, path)?;
         }
         let mut ros = Ros::new("/", "slipbound_simulate", domain_id()?)?;
         let publishers: Result<Vec<_>, _> = self.topic.iter().map(|topic| ros.publisher(topic, &SENSOR_DATA)).collect();

@@ -400,6 +400,24 @@ fn wrong_or_missing_keys_are_refused_by_name() {
     }
 }
 
+/// Files that cannot be written, and numbers and names that cannot be; before a network is joined.
+#[test]
+fn what_the_tools_cannot_use_is_refused_by_name() {
+    let name = "expected a name that ROS takes, got `two words`";
+    for (args, code, said) in [
+        (&["simulate", "--topic", "/t", "--sensor", "/nowhere/left.toml"][..], 1, "/nowhere/left.toml: cannot write: "),
+        (&["emulate", "--log", "/nowhere/log"], 1, "/nowhere/log: cannot write: "),
+        (&["emulate", "--action", "two words"], 2, &format!("--action: {name}")),
+        (&["emulate", "--holding-n", "nan"], 2, "--holding-n: expected a finite number above 0, got NaN"),
+        (&["emulate", "--holding-n=-1"], 2, "--holding-n: expected a finite number above 0, got -1"),
+        (&["emulate", "--width-mm", "nan"], 2, "--width-mm: expected 0 to 110 mm, got NaN"),
+        (&["emulate", "--width-mm", "200"], 2, "--width-mm: expected 0 to 110 mm, got 200"),
+    ] {
+        let (got, told) = Process::refused(args);
+        assert!(got == Some(code) && told.contains(said), "`{told}` lacks `{said}`, or {got:?} is not {code}");
+    }
+}
+
 /// As for the node; what is refused here comes after the domain.
 #[test]
 fn a_domain_that_is_set_to_nothing_is_domain_0_for_tools_too() {
@@ -456,6 +474,37 @@ fn a_wrist_without_a_position_is_silent_and_one_that_counts_from_a_new_zero_is_a
     let told = publishes(0.0, "a position", is_other).0.expect_err("20 mm away");
     assert!(told.to_string().contains("/zero/state: expected lowered_mm within 1 of 20"), "{told}");
     assert_eq!(publishes(20.5, "the position of before", Result::is_ok).0.expect("there").lowered_mm, 20.5);
+}
+
+/// A wrist that is still on its way while the loop listens for other nodes: it never fell silent.
+#[test]
+fn a_wrist_that_moves_while_the_loop_listens_has_not_been_away() {
+    const RISE_MM_PER_S: f64 = 5.0;
+    let domain_id = domain_id(5);
+    let _nodes = Nodes::start(domain_id, &[]);
+    let mut control = Loop::start(&["run", "lift"], &TOPICS.replace("/two/", "/rising/"), domain_id);
+    let (stop, run) = (control.stop.clone(), control.run.clone());
+    let wrist = thread::spawn(move || {
+        let mut ros = Ros::new("/", "test_rising", domain_id).expect("joins");
+        let states = ros.publisher("/rising/wrist/state", &SENSOR_DATA).expect("a publisher");
+        let (began, mut lowered_mm) = (Instant::now(), 0.0);
+        while !stop.load(Ordering::Relaxed) {
+            let moving = !run.exists();
+            if moving {
+                lowered_mm = began.elapsed().as_secs_f64() * RISE_MM_PER_S;
+            }
+            let header = Header { stamp: stamp(), frame_id: String::new() };
+            states.publish(WristStateMessage { header, angle_rad: 0.0, lowered_mm, moving }).expect("said");
+            sleep(Duration::from_millis(20));
+        }
+    });
+    await_that("the run begins", LONGEST_WAIT, || control.run.join("events.jsonl").exists());
+    await_that("it commands", Duration::from_secs(5), || !control.commanded_n().is_empty());
+    assert!(!control.notes("new zero"), "{:?}", control.lines("events.jsonl"));
+    control.process().interrupt();
+    assert_eq!(control.process().exit_code(Duration::from_secs(10)), Some(1), "interrupted");
+    control.stop.store(true, Ordering::Relaxed);
+    wrist.join().expect("published");
 }
 
 /// The namespace and the device made by `ros2/namespaces.sh`.

@@ -4,4 +4,5 @@ mod control;
 mod gripper_action;
 mod lifecycle;
 mod node;
+mod overlay;
 mod process;

@@ -36,8 +36,8 @@ pub const REST_COUNT: usize = 20;
 
 /// An image of the simulated camera: JPEG and time.
 pub struct Shot {
-    jpeg: Vec<u8>,
-    time_ns: u64,
+    pub jpeg: Vec<u8>,
+    pub time_ns: u64,
 }
 
 /// The simulated finger and its images, made once.
@@ -131,7 +131,7 @@ impl Bench {
         Process::node(&self.config, self.domain_id)
     }
 
-    fn send(&self, shot: &Shot) {
+    pub fn send(&self, shot: &Shot) {
         let header = Header { stamp: Time::from_ns(shot.time_ns), frame_id: "left_gel".into() };
         let image = CompressedImage { header, format: "jpeg".into(), data: shot.jpeg.clone() };
         self.images.publish(image).expect("sent");
