@@ -8,13 +8,14 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use slipbound::control::{Cycle as CoreCycle, CycleOutcome, CycleView, FaultKind};
 use slipbound::monitor::SlipReport;
-use slipbound::port::FrameBuffer;
+use slipbound::port::{FrameBuffer, Next};
 use std::sync::Arc;
 
 /// A finger in a cycle.
 struct Seen {
     name: String,
-    frame: FrameBuffer,
+    /// None where it was torn.
+    frame: Option<FrameBuffer>,
     report: Option<(SlipReport, Arc<Kept>)>,
 }
 
@@ -47,7 +48,8 @@ impl Cycle {
             let report = finger.report.zip(finger.monitor).map(|(report, monitor)| {
                 (*report, Arc::new(Kept::of(monitor, Arc::new(monitor.sensor().clone()), report)))
             });
-            Seen { name: finger.name.to_owned(), frame: finger.frame.clone(), report }
+            let is_torn = matches!(finger.next, Next::Torn { .. });
+            Seen { name: finger.name.to_owned(), frame: (!is_torn).then(|| finger.frame.clone()), report }
         });
         Cycle(Arc::new(Inner {
             now_ns: view.now_ns,
@@ -149,7 +151,7 @@ impl Cycle {
         self.0.fingers.iter().map(report).collect()
     }
 
-    /// The newest frame of a finger as an array; None before the first.
+    /// The newest frame of a finger as an array; None before the first, and where it was torn.
     ///
     /// Parameters
     /// ----------
@@ -164,7 +166,7 @@ impl Cycle {
             let count = self.0.fingers.len();
             return Err(pyo3::exceptions::PyIndexError::new_err(format!("finger {finger} of {count}")));
         };
-        let FrameBuffer { pixels, size, format, .. } = &seen.frame;
+        let Some(FrameBuffer { pixels, size, format, .. }) = &seen.frame else { return Ok(None) };
         (size.area() > 0).then(|| array(py, pixels.clone(), *size, *format, order)).transpose()
     }
 

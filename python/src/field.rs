@@ -8,6 +8,7 @@ use slipbound::pixels::morphology::Element;
 use slipbound::plane::Vec2;
 use slipbound::sensor::Sensor;
 use slipbound_rig::overlay::OverlayInput;
+use slipbound_rig::unmeasured::markers_after;
 use std::sync::Arc;
 
 /// What a report keeps of the monitor that made it.
@@ -33,7 +34,8 @@ impl Kept {
         let touched = report.contact.area_px2 > 0.0;
         let regions = touched.then(|| (monitor.contact_region().clone(), monitor.inner_erosion().cloned()));
         let alarm_margin = monitor.settings().slip.alarm_margin();
-        Kept { sensor, markers: monitor.markers().to_vec(), alarm_margin, unjudged_px: None, regions }
+        let markers = markers_after(report, monitor.markers()).into_owned();
+        Kept { sensor, markers, alarm_margin, unjudged_px: None, regions }
     }
 
     /// Shows it for an overlay.
@@ -72,7 +74,8 @@ impl Field {
         self.points(py, |m| m.rest)
     }
 
-    /// Position of each marker in this frame; the expected one when it was not found.
+    /// Position of each marker in this frame; the expected one when it was not found, and the last one known when nothing
+    /// of the frame was measured.
     #[getter]
     fn now_px<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         self.points(py, |m| m.now)

@@ -15,9 +15,11 @@ pub use source::{NoFrame, PythonSource};
 pub use states::{GripperState, WristCommand, WristState};
 pub use wrist::PythonWrist;
 
+use pyo3::exceptions::PyTypeError;
 use pyo3::gc::{PyTraverseError, PyVisit};
 use pyo3::prelude::*;
 use pyo3::type_object::PyTypeInfo;
+use pyo3::types::PyTuple;
 use serde::de::DeserializeOwned;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -71,6 +73,14 @@ impl SharedObject {
     pub fn clear(&self) {
         let object = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
         drop(object); // its finalizer finds the lock open
+    }
+}
+
+/// The two values of a tuple that a port has returned; `expected` names the port and what it may return.
+fn pair<'py>(got: &Bound<'py, PyTuple>, expected: &str) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    match got.len() {
+        2 => Ok((got.get_item(0)?, got.get_item(1)?)),
+        count => Err(PyTypeError::new_err(format!("{expected}, got a tuple of {count}"))),
     }
 }
 

@@ -10,8 +10,9 @@ use slipbound::monitor::{
 };
 use slipbound::plane::Vec2;
 use slipbound_rig::overlay::OverlayInput;
-use slipbound_rig::report_csv::{MEASURED, is_unmeasured};
+use slipbound_rig::report_csv::MEASURED;
 use slipbound_rig::report_json::{MarkerField, frame_line};
+use slipbound_rig::unmeasured::is_unmeasured;
 use std::sync::Arc;
 
 /// x and y.

@@ -309,6 +309,7 @@ def test_a_source_that_gives_no_frame_does_not_end_the_loop(still, sensor, gap, 
         report = cycle.reports[0]
         assert (report is not None) == reports
         assert report is None or (report.state == "unjudged" and "torn" in report.reason)
+        assert (cycle.image() is None) == reports, "a torn frame is no image; a silent camera's newest is the last one"
     # A silent camera sent nothing to number; torn frames have numbers.
     assert cycles[33].reports[0].seq == (33 if reports else 31)
     assert gripper.told[-1] is not None

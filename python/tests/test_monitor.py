@@ -118,6 +118,19 @@ def test_frame_of_another_size_is_unjudged_as_in_rust(monitor, frames):
     assert report.state == "unjudged" and report.reason == "frame size: expected 640x480, got 640x100"
 
 
+def test_a_frame_that_was_not_measured_has_no_marker_that_is_found_or_slips(monitor, frames):
+    slipping = [monitor.step(f.image()) for f in frames][-1]
+    assert slipping.field.matched.any() and slipping.field.over.any() and slipping.field.slip_px.any()
+    for image in (np.zeros_like(frames[0].image()), frames[0].image()[:100]):
+        report = monitor.step(image)
+        assert report.state == "unjudged" and report.markers.matched == 0 == report.field.matched.sum()
+        assert not any(flags.any() for flags in (report.field.in_contact, report.field.inner, report.field.over))
+        assert not report.field.slip_px.any()
+        assert np.array_equal(report.field.now_px, slipping.field.now_px), "where they were last"
+        line = report.to_dict(markers=True)
+        assert len(line["lost_ids"]) == len(report.field) and all(row[5:] == [0] * 5 for row in line["field"])
+
+
 @pytest.mark.parametrize("odd_at", [0, 7])
 def test_a_frame_of_a_wrong_shape_before_the_rest_frame_is_a_report(frames, sensor, odd_at):
     monitor = slipbound.Monitor(sensor, rest="auto")

@@ -202,6 +202,7 @@ impl LockStep {
 
     fn advance_after_leaving(&mut self) {
         (0..FRAMES_AFTER_LEAVING_COUNT).for_each(|_| self.actuators.advance_frame(&self.hand));
+        self.score.add_truth(&self.hand.truth());
     }
 }
 

@@ -203,7 +203,7 @@ impl SlipMonitor {
             self.schedule = schedule;
             probe.after(Step::Markers, self);
             let lost = self.unjudged(frame.seq, frame.time_ns, grip, Reason::MarkersLost);
-            let report = SlipReport { markers: self.counts(), ..lost };
+            let report = SlipReport { markers: MarkerCounts { inner: 0, ..self.counts() }, ..lost };
             probe.after(Step::Verdict, self);
             return report;
         }

@@ -256,6 +256,7 @@ fn a_frame_that_shows_nothing_of_the_finger_changes_nothing_that_is_known_of_its
         });
         for spoilt in [white, covered, cut] {
             assert_eq!(spoilt[15].reason, Some(Reason::MarkersLost), "{skin:?}");
+            assert_eq!(spoilt[15].markers.inner, 0, "{skin:?}: no motion was fitted");
             for (a, b) in whole.iter().zip(&spoilt).filter(|(_, b)| b.seq != 16) {
                 assert_eq!((a.state, a.reference_seq), (b.state, b.reference_seq), "{skin:?}, frame {}", a.seq);
                 let of = |r: &SlipReport| r.evidence.map(|e| (e.reference_seq, (50.0 * e.slide_score).round()));

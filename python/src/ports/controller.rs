@@ -1,12 +1,14 @@
 //! A controller of the grip force written in Python: hand report in, force and arm motion out.
 
-use super::{FirstException, GripperState, SharedObject};
+use super::{FirstException, GripperState, SharedObject, pair};
 use crate::errors::data;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use slipbound::grip::{ArmMotion, GripController, GripDecision};
 use slipbound::hand::HandReport;
 use slipbound::port::GripperState as CoreGripperState;
+
+const EXPECTED: &str = "Controller.decide: expected force_n or (force_n, whether the arm goes)";
 
 /// A controller whose `decide` is a method of a Python object. When it raises, the force stays and the arm waits.
 pub struct PythonController {
@@ -26,7 +28,10 @@ impl PythonController {
             let object = self.object.bind(py)?;
             let got = object.call_method1("decide", (now_ns, data(py, hand)?, GripperState::from(gripper)))?;
             let (force_n, goes) = match got.cast::<PyTuple>() {
-                Ok(pair) => (pair.get_item(0)?.extract()?, pair.get_item(1)?.extract()?),
+                Ok(tuple) => {
+                    let (force_n, goes) = pair(tuple, EXPECTED)?;
+                    (force_n.extract()?, goes.extract()?)
+                }
                 Err(_) => (got.extract()?, true),
             };
             self.alarms_count = object.getattr("alarms_count")?.extract()?;

@@ -1,6 +1,6 @@
 //! A camera written in Python: an array or the lack of one in -> a frame.
 
-use super::{FirstException, SharedObject};
+use super::{FirstException, SharedObject, pair};
 use crate::picture::{Picture, buffer};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -18,6 +18,8 @@ pub enum NoFrame {
     #[pyo3(name = "TORN")]
     Torn,
 }
+
+const EXPECTED: &str = "FrameSource.next: expected a frame, (frame, time_ns), SILENT, TORN or None";
 
 /// A source whose `next` is a method of a Python object.
 pub struct PythonSource {
@@ -43,7 +45,10 @@ impl PythonSource {
             });
         }
         let (array, time_ns) = match got.cast::<PyTuple>() {
-            Ok(pair) => (pair.get_item(0)?, crate::monitor::time(pair.get_item(1)?.extract()?)?),
+            Ok(tuple) => {
+                let (array, time_ns) = pair(tuple, EXPECTED)?;
+                (array, crate::monitor::time(time_ns.extract()?)?)
+            }
             Err(_) => (got, None),
         };
         let picture = Picture::new(&array, self.order)?;

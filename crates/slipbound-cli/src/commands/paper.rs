@@ -30,7 +30,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 #[derive(Debug, clap::Args)]
 pub struct Paper {
     /// Seed of trials and tasks
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=1 << 53))]
     seed: u64,
     /// Trials of Table I instead of its 240 and the 80 at 50 N
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]

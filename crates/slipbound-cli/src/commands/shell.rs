@@ -21,7 +21,10 @@ impl Completions {
     pub fn run(&self, mut program: Command) -> Result<Outcome, Failure> {
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut program, "slipbound", &mut script);
-        io::stdout().write_all(&script).map_err(|e| Failure::work("standard output", e))?;
+        io::stdout().write_all(&script).map_err(|e| match e.kind() {
+            io::ErrorKind::BrokenPipe => Failure::ReaderLeft,
+            _ => Failure::work("standard output", e),
+        })?;
         Ok(Outcome::Done)
     }
 }

@@ -67,7 +67,7 @@ impl Trials {
         let cells = grid.cells().map_err(Failure::arguments)?;
         let runs_count: usize = cells.iter().map(trials::TrialCell::runs_count).sum();
         let stop = interruption::listen()?;
-        let bar = Terminal::with_bar(Some(runs_count as u64), false);
+        let bar = Terminal::with_bar_of(runs_count as u64, "runs");
         let scores = trials::run(&cells, &settings, &|| stop.load(Ordering::Relaxed), &|| bar.advance());
         bar.clear_bar();
         let scores = scores.map_err(|error: TrialError| Failure::Work(error.into()))?;

@@ -83,7 +83,7 @@ pub struct HandReport {
     pub pivot_rad: Option<f64>,
     /// The longest slip vector among the live fingers in mm; None without contact or where the pitch in mm is unknown.
     pub slip_max_mm: Option<f64>,
-    /// Mean contact area per finger in mm2; None where the pitch in mm is unknown.
+    /// Mean contact area of the live fingers in contact in mm2; None without contact or where the pitch in mm is unknown.
     pub contact_area_mm2: Option<f64>,
     /// The least contact quality among the live fingers, 0 to 1.
     pub quality: f64,

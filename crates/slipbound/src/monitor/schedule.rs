@@ -80,7 +80,7 @@ impl StepSchedule {
         let frame_ns = frame_period_ns(last_ns, time_ns);
         let time_ns = time_ns.filter(|_| last_ns.is_none() || frame_ns.is_some());
         // Whether `frames` more frames come within its period.
-        let has_room = |turn: &Turn, frames: u64| frame_ns.is_some_and(|ns| frames * ns < turn.period_ns);
+        let has_room = |turn: &Turn, frames: u64| frame_ns.is_some_and(|ns| frames.saturating_mul(ns) < turn.period_ns);
         let contact = self.contact.take(time_ns, 1, touches, false);
         let next_soon = has_room(&self.search, 1);
         let periods = if complete && next_soon { PERIODS_WHEN_COMPLETE } else { 1 };
@@ -179,5 +179,14 @@ mod tests {
         let mut schedule = StepSchedule::new(25.0, 25.0, 25.0);
         let back = (0..9u64).filter(|i| schedule.see(Some(10_000_000 * (i % 2)), true, true) == all);
         assert!(back.count() >= 5, "set back by every other frame");
+    }
+
+    /// The largest number stands for "unknown" with some writers.
+    #[test]
+    fn any_two_times_can_follow_each_other() {
+        let mut schedule = StepSchedule::new(25.0, 25.0, 25.0);
+        schedule.see(Some(0), true, false);
+        schedule.see(Some(u64::MAX), true, false);
+        schedule.see(Some(0), true, true);
     }
 }

@@ -27,7 +27,11 @@ pub fn lighting(frames: &[FrameBuffer]) -> Vec<Finding> {
     };
     let (bright, dark) = (share(&|v| v >= BRIGHT_LEVEL), share(&|v| v <= DARK_LEVEL));
     let is = format!("{:.1} % white, {:.1} % black", 100.0 * bright, 100.0 * dark);
-    let advice = if bright > dark { "lower the exposure, the gain or the lights" } else { "more light or exposure" };
+    let advice = if bright > MOST_SATURATED_FRACTION {
+        "lower the exposure, the gain or the lights"
+    } else {
+        "more light or exposure"
+    };
     let is_good = bright <= MOST_SATURATED_FRACTION && dark < 0.5;
     let mut findings = vec![judged("lighting", is, is_good, advice)];
     let mean = |frame: &FrameBuffer| {
@@ -129,5 +133,12 @@ mod tests {
         assert_eq!(is_good(&[frame(120), frame(121)]), [true, true]);
         assert_eq!(is_good(&[frame(120), frame(255)]), [false, false]);
         assert_eq!(is_good(&[frame(0), frame(0)]), [false, true]);
+        // Dark markers and a vignette are no reason for more light.
+        let mut mixed = frame(120);
+        let count = mixed.pixels.len();
+        mixed.pixels[..count / 20].fill(255);
+        mixed.pixels[count / 2..count / 2 + count / 5].fill(0);
+        let advice = lighting(&[mixed])[0].advice.clone();
+        assert!(advice.is_some_and(|advice| advice.starts_with("lower the exposure")));
     }
 }
