@@ -44,6 +44,6 @@ pub use info::{FORMAT_VERSION, FingerInfo, Row, RunInfo};
 pub use notes::{CameraLimits, RunNotes};
 pub use page::recording::RecordingPage;
 pub use recorder::RunRecorder;
-pub(crate) use recorder::{UNKEPT, lost_text};
+pub(crate) use recorder::lost_text;
 pub use replay::{Replay, ReplayError, Replayed};
 pub use words::duration;

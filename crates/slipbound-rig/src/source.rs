@@ -35,6 +35,7 @@ mod encoded;
 mod error;
 mod ffmpeg;
 mod ffmpeg_live;
+mod file_ending;
 mod folder;
 mod jpeg;
 mod mjpeg_http;
@@ -57,6 +58,7 @@ pub use encoded::Encoded;
 pub use error::Error;
 pub use ffmpeg::Ffmpeg;
 pub use ffmpeg_live::FfmpegLive;
+pub use file_ending::has_ending;
 pub use folder::{Folder, has_image_name};
 pub use mjpeg_http::MjpegHttp;
 pub use newest::{Arrivals, Awaited, Newest};
@@ -144,11 +146,6 @@ pub fn mcap_file(uri: &str) -> Option<(&str, Option<&str>)> {
         return Some((uri, None));
     }
     uri.rsplit_once('#').filter(|(path, _)| is_it(path)).map(|(path, topic)| (path, Some(topic)))
-}
-
-/// Whether a file's name ends so, in capital or small letters.
-pub fn has_ending(path: &Path, ending: &str) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending))
 }
 
 #[cfg(feature = "mcap")]

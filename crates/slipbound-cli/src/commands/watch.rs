@@ -196,8 +196,10 @@ impl Watch {
         let Progress { mut terminal, summary, first_slip, batch } = progress;
         terminal.clear_bar();
         if matches!(ended, Err(Failure::ReaderLeft)) {
-            // Nobody is left to report to; what is kept elsewhere is whole.
-            let _ = (outputs.finish_overlay(), outputs.close(&summary), recorder.map(Recorder::finish));
+            // What is kept elsewhere is whole all the same.
+            let drawn = outputs.finish_overlay();
+            outputs.close(&summary).and(drawn.map(drop))?;
+            recorder.map_or(Ok(true), |recorder| finish(recorder, &terminal))?;
             return Err(Failure::ReaderLeft);
         }
         let drawn = outputs.finish_overlay();

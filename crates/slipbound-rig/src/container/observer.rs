@@ -8,11 +8,20 @@ use super::tap::ReportLines;
 use crate::link::time_of_day_ns;
 use crate::report_json::{Header, ReportJson, RestOrigin};
 use crate::run::event::EventLog;
-use crate::run::{CameraLimits, Event, RunInfo, RunNotes, TimedEvent, UNKEPT, frames, line, lost_text};
+use crate::run::{CameraLimits, Event, RunInfo, RunNotes, TimedEvent, frames, line, lost_text};
 use slipbound::control::{CycleObserver, CycleView};
 use slipbound::finger_pipeline::FingerView;
 use slipbound::monitor::{SlipMonitor, SlipReport};
 use slipbound::port::{FrameBuffer, Next};
+use std::thread;
+use std::time::Duration;
+
+/// The event text where a replay can no longer follow.
+const UNLISTED: &str = "a replay goes to here, because something was not written";
+
+/// How often a note after the last cycle is offered to a disk that does not keep up, and the pause between.
+const NOTE_TRIES_COUNT: u32 = 100;
+const NOTE_PAUSE: Duration = Duration::from_millis(10);
 
 /// Records every report and every cycle.
 pub struct McapObserver {
@@ -56,6 +65,12 @@ impl McapObserver {
 
     /// Records a note that does not follow from a cycle, for example why the loop ended.
     pub fn note(&mut self, time_ns: u64, text: &str) {
+        for _ in 0..NOTE_TRIES_COUNT {
+            if self.try_note(time_ns, text) {
+                return;
+            }
+            thread::sleep(NOTE_PAUSE); // no cycle waits for it
+        }
         self.event(time_ns, Event::Note { text: text.into() });
     }
 
@@ -143,6 +158,13 @@ impl McapObserver {
             self.line("/event", json);
         }
     }
+
+    /// A note that may be handed in again: returns whether it was taken.
+    fn try_note(&self, time_ns: u64, text: &str) -> bool {
+        let event = Event::Note { text: text.into() };
+        let json = serde_json::to_string(&TimedEvent { time_ns, event });
+        json.map_or(true, |json| self.inlet.try_line("/event", json.into_bytes()))
+    }
 }
 
 impl CycleObserver for McapObserver {
@@ -153,8 +175,8 @@ impl CycleObserver for McapObserver {
             }
             self.report(number, finger);
         }
-        if let count @ 1.. = std::mem::take(&mut self.lost_count) {
-            self.event(view.now_ns, Event::Note { text: lost_text(count) });
+        if self.lost_count > 0 && self.try_note(view.now_ns, &lost_text(self.lost_count)) {
+            self.lost_count = 0;
         }
         for text in self.notes.see(view) {
             self.event(view.now_ns, Event::Note { text });
@@ -167,8 +189,8 @@ impl CycleObserver for McapObserver {
             }
         }
         let has_gap = self.has_gap || self.inlet.has_gap();
-        if has_gap && !std::mem::replace(&mut self.has_told_gap, has_gap) {
-            self.event(view.now_ns, Event::Note { text: UNKEPT.into() });
+        if has_gap && !self.has_told_gap {
+            self.has_told_gap = self.try_note(view.now_ns, UNLISTED);
         }
         // After the cycle: with a line of frames alone, a replay would run a cycle that was not recorded.
         if let (false, Some(Ok(json))) = (has_gap, frames::line(view)) {

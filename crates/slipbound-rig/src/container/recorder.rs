@@ -173,6 +173,8 @@ impl Inlet {
 pub struct Recorder {
     path: PathBuf,
     inlet: Inlet,
+    /// How many items the thread has taken.
+    taken: Arc<AtomicU64>,
     /// None once it is finished.
     thread: Option<JoinHandle<Result<u64, mcap::McapError>>>,
 }
@@ -186,9 +188,11 @@ impl Recorder {
         let file = DeferredTruncation::open(path).map_err(|source| Error::Create { path: path.to_owned(), source })?;
         let fingers = fingers.to_vec();
         let (to, items) = sync_channel(QUEUE_COUNT);
-        let thread = thread::spawn(move || write_all(file, fingers, judges, &items));
+        let taken = Arc::<AtomicU64>::default();
+        let counted = taken.clone();
+        let thread = thread::spawn(move || write_all(file, fingers, judges, &items, &counted));
         let inlet = Inlet { to, lost: Arc::default(), gap: Arc::default(), accepts: Arc::default() };
-        Ok(Recorder { path: path.to_owned(), inlet, thread: Some(thread) })
+        Ok(Recorder { path: path.to_owned(), inlet, taken, thread: Some(thread) })
     }
 
     /// From here on frames of cameras wait, too: before a camera is opened whose first frame is to be recorded.
@@ -222,23 +226,27 @@ impl Recorder {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// The same, but waits for this long at most: a file that takes nothing is left as it is.
+    /// The same, but a file that takes nothing for this long is left as it is.
     pub fn finish_within(mut self, longest: Duration) -> Result<Written, Error> {
-        let until = Instant::now() + longest;
+        let mut progress = (self.taken.load(Ordering::Relaxed), Instant::now());
         let mut item = Item::End;
         while let Err(TrySendError::Full(refused)) = self.inlet.to.try_send(item) {
             item = refused;
-            self.wait_until(until, longest)?;
+            self.wait(&mut progress, longest)?;
         }
         while !self.has_failed() {
-            self.wait_until(until, longest)?;
+            self.wait(&mut progress, longest)?;
         }
         self.join()
     }
 
-    /// A moment; fails where it is too late, and then nobody waits for the file any more.
-    fn wait_until(&mut self, until: Instant, longest: Duration) -> Result<(), Error> {
-        if Instant::now() >= until {
+    /// A moment; fails where nothing was taken for too long, and then nobody waits for the file any more.
+    fn wait(&mut self, (count, since): &mut (u64, Instant), longest: Duration) -> Result<(), Error> {
+        let now_count = self.taken.load(Ordering::Relaxed);
+        if now_count != *count {
+            (*count, *since) = (now_count, Instant::now());
+        }
+        if since.elapsed() >= longest {
             self.thread = None;
             return Err(Error::Blocked { path: self.path.clone(), waited_s: longest.as_secs() });
         }
@@ -278,6 +286,12 @@ impl Inlet {
         self.offer(Item::Line { topic: topic.into(), log_ns: time_of_day_ns(), json });
     }
 
+    /// The same, but is not lost where there is no room: it is to be handed in again. Returns whether it was taken.
+    pub(super) fn try_line(&self, topic: &str, json: Vec<u8>) -> bool {
+        let item = Item::Line { topic: topic.into(), log_ns: time_of_day_ns(), json };
+        !matches!(self.to.try_send(item), Err(TrySendError::Full(_)))
+    }
+
     /// The same, but waits for the disk and never loses a line.
     pub fn line_blocking(&self, topic: &str, json: Vec<u8>) {
         self.send(Item::Line { topic: topic.into(), log_ns: time_of_day_ns(), json });
@@ -291,11 +305,14 @@ fn write_all(
     fingers: Vec<String>,
     judges: bool,
     items: &Receiver<Item>,
+    taken: &AtomicU64,
 ) -> Result<u64, mcap::McapError> {
     let mut waiting = Vec::new();
     let (mut has_begun, mut is_recorded) = (false, false);
     while !(has_begun && is_recorded) {
-        match items.recv() {
+        let received = items.recv();
+        taken.fetch_add(1, Ordering::Relaxed);
+        match received {
             Ok(Item::CutOff) | Err(_) => return Ok(0), // nothing was recorded: the file stays as it was
             Ok(Item::Begin) => has_begun = true,
             Ok(item) => {
@@ -317,7 +334,7 @@ fn write_all(
     }
     let fingers = fingers.into_iter().map(|name| Finger { name, pending: VecDeque::new() }).collect();
     let writer = McapWriter::create(file.begin()?)?;
-    WriterThread { writer, fingers, judges, frames_count: 0 }.run(waiting, items)
+    WriterThread { writer, fingers, judges, frames_count: 0 }.run(waiting, items, taken)
 }
 
 /// The file, on its thread.
@@ -336,12 +353,13 @@ struct Finger {
 
 impl WriterThread {
     /// Writes the waiting items, then further ones until the end is handed in. A chunk is closed when it is old enough.
-    fn run(mut self, waiting: Vec<Item>, items: &Receiver<Item>) -> Result<u64, mcap::McapError> {
+    fn run(mut self, waiting: Vec<Item>, items: &Receiver<Item>, taken: &AtomicU64) -> Result<u64, mcap::McapError> {
         let mut flushed_ns = now_ns();
         let mut waiting = waiting.into_iter();
         let is_whole = loop {
             let left_ns = (flushed_ns + CHUNK_NS).saturating_sub(now_ns());
             let item = waiting.next().map_or_else(|| items.recv_timeout(Duration::from_nanos(left_ns)), Ok);
+            taken.fetch_add(u64::from(item.is_ok()), Ordering::Relaxed);
             match item {
                 Ok(Item::End) => break true,
                 Ok(Item::CutOff) | Err(RecvTimeoutError::Disconnected) => break false,
@@ -447,11 +465,30 @@ mod tests {
                 Ok(7)
             });
             let inlet = Inlet { to, lost: Arc::default(), gap: Arc::default(), accepts: Arc::default() };
-            let recorder = Recorder { path: "run.mcap".into(), inlet, thread: Some(thread) };
+            let recorder = Recorder { path: "run.mcap".into(), inlet, taken: Arc::default(), thread: Some(thread) };
             (0..items_count).for_each(|_| recorder.inlet.send(Item::Begin)); // the queue is full
             let said = recorder.finish_within(Duration::from_millis(50)).expect_err("it takes nothing");
             assert!(matches!(&said, Error::Blocked { .. }), "{said}");
             drop(leave);
         }
+    }
+
+    /// It takes an item in 30 ms, ten of them.
+    #[test]
+    fn a_recording_that_is_slow_is_waited_for() {
+        let (to, items) = sync_channel(20);
+        let taken = Arc::<AtomicU64>::default();
+        let counted = taken.clone();
+        let thread = thread::spawn(move || {
+            let whole = items.iter().take_while(|item| !matches!(item, Item::End)).inspect(|_| {
+                thread::sleep(Duration::from_millis(30));
+                counted.fetch_add(1, Ordering::Relaxed);
+            });
+            Ok(whole.count() as u64)
+        });
+        let inlet = Inlet { to, lost: Arc::default(), gap: Arc::default(), accepts: Arc::default() };
+        let recorder = Recorder { path: "run.mcap".into(), inlet, taken, thread: Some(thread) };
+        (0..10).for_each(|_| recorder.inlet.send(Item::Begin));
+        assert_eq!(recorder.finish_within(Duration::from_millis(150)).expect("it goes on").frames_count, 10);
     }
 }

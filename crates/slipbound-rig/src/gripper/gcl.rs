@@ -104,6 +104,12 @@ impl Gcl {
         true
     }
 
+    /// What the jaws do after a stop.
+    fn ask_for_grasp(&mut self, driver: &mut DriverState) {
+        self.questions.put_grasp_first();
+        self.ask(driver);
+    }
+
     fn take(&mut self, driver: &mut DriverState, line: Option<&str>) {
         let Some(line) = line else {
             return driver.push_event(DriverEvent::Garbled { bytes_count: 1 });
@@ -371,7 +377,9 @@ impl Protocol for Gcl {
             Some(Message::Question(name)) => self.questions.miss(driver, name),
             // It may have arrived: the same request is sent again when repeated.
             Some(message) => {
-                self.goal = self.goal.after_failure(message.force_n().is_some());
+                // A stop that was never answered was to make way for the release.
+                let is_before = message.force_n().is_some() || message == Message::Command("STOP");
+                self.goal = self.goal.after_failure(is_before);
                 (self.is_in_doubt, self.is_release_given) = (true, false);
                 driver.doubt_target(message.force_n());
                 driver.raise_unanswered(message.name());
@@ -406,15 +414,13 @@ impl Protocol for Gcl {
                 // A force that keeps changing must not displace the questions.
                 _ if self.asks_first && self.gripped_n.is_some() && self.ask(driver) => {}
                 Some(_) => self.command(driver, "STOP"),
+                None if self.questions.is_grasp_old => self.ask_for_grasp(driver),
                 None => self.send_grip(driver, force_n),
             },
             Goal::Open if !self.is_stopped && !self.is_release_given => match moving {
                 Some("GRIP") => self.command(driver, "STOP"),
                 // What it held before it was stopped decides nothing.
-                _ if self.questions.is_grasp_old => {
-                    self.questions.put_grasp_first();
-                    self.ask(driver);
-                }
+                _ if self.questions.is_grasp_old => self.ask_for_grasp(driver),
                 _ => self.open(driver),
             },
             _ => {

@@ -22,7 +22,7 @@ use super::protocol::Protocol;
 use crate::link::InFlight;
 use frame::{Frame, Parser};
 use phase::{Command, Phase};
-use slipbound::port::{DriverEvent, GripCommand};
+use slipbound::port::{DriverEvent, GripCommand, Jaws};
 use telemetry::Telemetry;
 use words::status;
 
@@ -324,7 +324,8 @@ impl Wsg50 {
                 }
                 command => {
                     driver.doubt_target(command.force_n(driver));
-                    self.goal = self.goal.after_failure(command.is_grip());
+                    // A stop that was never answered was to make way for the release.
+                    self.goal = self.goal.after_failure(command.is_grip() || command == Command::Stop);
                     self.forget_grasp(command);
                     self.telemetry.limit_own_n = None; // it may have arrived: ask
                     driver.raise_unanswered(command.name());
@@ -351,9 +352,10 @@ fn width_unset(driver: &DriverState, command: &'static str) -> Error {
 
 impl Protocol for Wsg50 {
     fn linked(&mut self, driver: &mut DriverState) {
-        let telemetry = Telemetry::new(driver.now_ns(), driver.gripper.opening_mm.is_some());
+        let is_opening_old = driver.gripper.opening_mm.is_some() || self.telemetry.is_opening_old;
+        let telemetry = Telemetry::new(driver.now_ns(), is_opening_old);
         *self = Wsg50 { telemetry, force_path: self.force_path, ..Wsg50::default() };
-        driver.gripper.jaws = slipbound::port::Jaws::Unknown;
+        (driver.gripper.jaws, driver.gripper.opening_mm, driver.gripper.force_n) = (Jaws::Unknown, None, None);
         self.telemetry.ask(driver);
     }
 

@@ -119,8 +119,7 @@ impl RunRecorder {
 }
 
 /// The event text where frames are no longer kept.
-pub(crate) const UNKEPT: &str =
-    "frames are not kept from here on, because something was not written: a replay goes to here";
+const UNKEPT: &str = "frames are not kept from here on, because something was not written: a replay goes to here";
 
 /// The event text for lost cycles.
 pub(crate) fn lost_text(count: u64) -> String {

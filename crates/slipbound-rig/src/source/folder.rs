@@ -1,5 +1,6 @@
 //! Images in files: a folder, a pattern or a single one, in the natural order of their names.
 
+use super::file_ending::has_ending;
 use super::{Error, natural_sort, picture};
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
 use std::fs::{self, File};
@@ -111,7 +112,7 @@ const VIDEO_ENDINGS: [&str; 8] = ["avi", "mp4", "mkv", "mov", "webm", "m4v", "mc
 /// Whether a name that nothing matches cannot be meant as a pattern of images: it ends as a video does, or its only
 /// signs of one are `%` without a number.
 pub(super) fn is_no_pattern(uri: &str) -> bool {
-    let is_video = VIDEO_ENDINGS.iter().any(|ending| super::has_ending(Path::new(uri), ending));
+    let is_video = VIDEO_ENDINGS.iter().any(|ending| has_ending(Path::new(uri), ending));
     is_video || !uri.contains(['*', '?', '[']) && numbers_of(uri).1.is_empty()
 }
 

@@ -248,3 +248,37 @@ fn a_release_after_a_stop_waits_for_what_the_jaws_do_now() {
     scripted.run(50);
     assert_eq!(scripted.commands, ["STOP()", "MOVE(110.00,50.00)"]);
 }
+
+/// What a force that is raised after a lost end finds: a gripper that may still call the part held.
+#[test]
+fn a_grip_after_a_stop_waits_for_what_the_jaws_do_now() {
+    let mut scripted = Scripted::gripping();
+    scripted.say("ACK GRIP");
+    scripted.state = 1;
+    scripted.run(150);
+    let harder = Request::Grip(GripCommand::Hold { force_n: 30.0 });
+    scripted.driver.request(scripted.now_ns, harder).expect("taken over");
+    scripted.run(100); // STOP is sent
+    scripted.driver.tick(scripted.now_ns);
+    scripted.say("ACK STOP");
+    let sent = String::from_utf8(std::mem::take(scripted.driver.outgoing())).expect("ASCII");
+    assert_eq!(sent, "GRIPSTATE?\n");
+    scripted.say("GRIPSTATE=0");
+    assert!(scripted.run(50));
+}
+
+#[test]
+fn a_release_survives_a_stop_that_is_never_answered() {
+    let mut scripted = Scripted::gripping();
+    scripted.say("ACK GRIP");
+    scripted.state = 1;
+    scripted.run(150);
+    scripted.commands.clear();
+    scripted.release();
+    scripted.run(600);
+    assert_eq!(scripted.commands, ["STOP()", "STOP()"], "again");
+    scripted.say("ACK STOP");
+    scripted.state = 0;
+    scripted.run(100);
+    assert_eq!(scripted.commands, ["STOP()", "STOP()", "MOVE(110.00,50.00)"]);
+}

@@ -106,7 +106,7 @@ impl Scripted {
     fn sent(&mut self) -> Vec<u8> {
         let mut ids = Vec::new();
         Parser::default().feed(&std::mem::take(self.0.outgoing()), |frame| ids.push(frame.id));
-        ids.retain(|id| !(0x40..=0x45).contains(id));
+        ids.retain(|id| *id != 0x33 && !(0x40..=0x45).contains(id));
         ids
     }
 
@@ -178,4 +178,38 @@ fn a_force_that_is_not_told_does_not_make_it_grasp_again() {
         scripted.0.tick(ms * MS);
     }
     assert_eq!(scripted.sent(), [0x25]);
+}
+
+#[test]
+fn what_the_old_link_told_is_not_known_on_a_new_one() {
+    let mut scripted = Scripted::in_state(4);
+    for from_ms in [100, 200] {
+        scripted.0.unlinked(from_ms * MS, "cut");
+        scripted.0.linked(from_ms * MS);
+        scripted.tell(from_ms + 1, 0x40, &[1, 0, 0, 0]);
+        scripted.tell(from_ms + 1, 0x41, &[4]);
+        let state = scripted.0.state((from_ms + 2) * MS).expect("it is there");
+        assert_eq!((state.jaws, state.opening_mm, state.force_n), (Jaws::Unknown, None, None), "{from_ms}");
+    }
+    scripted.tell(210, 0x43, &50f32.to_le_bytes());
+    let state = scripted.0.state(211 * MS).expect("it is there");
+    assert_eq!((state.jaws, state.opening_mm, state.force_n), (Jaws::Holding, Some(50.0), None));
+}
+
+/// The answer to the stop is lost.
+#[test]
+fn a_release_survives_a_stop_that_is_never_answered() {
+    let mut scripted = Scripted::in_state(0);
+    scripted.request(2, GripCommand::Hold { force_n: 20.0 });
+    scripted.answer(3, 0x25, 26); // it is under way
+    scripted.request(51, GripCommand::Release);
+    assert_eq!(scripted.sent(), [0x25, 0x22]);
+    for ms in (60..600).step_by(20) {
+        scripted.tell(ms, 0x41, &[1]);
+        scripted.0.tick(ms * MS);
+    }
+    assert_eq!(scripted.sent(), [0x22], "again");
+    scripted.tell(610, 0x22, &[]);
+    scripted.tell(620, 0x41, &[0]);
+    assert_eq!(scripted.sent(), [0x21], "and then it opens");
 }

@@ -35,6 +35,8 @@ pub(super) struct Grasp {
     /// The time of the last step, ns, and for how long it has waited without a fault.
     last_ns: Option<u64>,
     waited_ns: u64,
+    /// Whether there was a fault since the last step.
+    is_interrupted: bool,
     /// The least opening of jaws that close, mm.
     closed_to_mm: Option<f64>,
     /// Since when all conditions except the force have been met, and the opening then.
@@ -57,7 +59,9 @@ impl Grasp {
         let (now_ns, gripper) = (observation.now_ns, observation.gripper);
         let before_ns = self.last_ns.replace(now_ns);
         let is_first = before_ns.is_none();
-        self.waited_ns += before_ns.map_or(0, |before_ns| now_ns.saturating_sub(before_ns).min(LONGEST_STEP_NS));
+        if !std::mem::take(&mut self.is_interrupted) {
+            self.waited_ns += before_ns.map_or(0, |before_ns| now_ns.saturating_sub(before_ns).min(LONGEST_STEP_NS));
+        }
         let feels = !matches!(hand.state, SlipState::NoContact | SlipState::Unjudged);
         let holds = gripper.jaws == Jaws::Holding;
         if let Some(held_n) = gripper.target_n.or(gripper.force_n).filter(|_| is_first && holds) {
@@ -101,9 +105,9 @@ impl Grasp {
         comes
     }
 
-    /// The time so far does not count.
+    /// The time up to the next step does not count.
     pub fn interrupt(&mut self) {
-        self.waited_ns = 0;
+        self.is_interrupted = true;
     }
 
     /// The missing condition, if any.

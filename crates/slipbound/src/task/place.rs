@@ -109,7 +109,8 @@ pub struct Place {
     changed_ns: u64,
     /// When it was first told to release, ns.
     released_ns: Option<u64>,
-    /// Whether the last cycle had a fault: the command may not have been sent.
+    /// Time of the last step, ns, and whether there was a fault since: the time from then on does not count.
+    last_ns: u64,
     is_interrupted: bool,
 }
 
@@ -134,6 +135,7 @@ impl Place {
             last,
             changed_ns: 0,
             released_ns: None,
+            last_ns: 0,
             is_interrupted: false,
         })
     }
@@ -243,8 +245,11 @@ impl Place {
 
 impl Task for Place {
     fn step(&mut self, observation: &Observation<'_>) -> TaskStep {
+        let since_ns = observation.now_ns.saturating_sub(std::mem::replace(&mut self.last_ns, observation.now_ns));
         if std::mem::take(&mut self.is_interrupted) {
-            (self.changed_ns, self.released_ns) = (observation.now_ns, None);
+            // Commands may not have been sent meanwhile.
+            self.changed_ns += since_ns;
+            self.released_ns = self.released_ns.map(|ns| ns + since_ns);
         }
         match self.phase {
             Phase::Grasping => {

@@ -167,7 +167,7 @@ pub trait Task {
     fn grip_mut(&mut self) -> &mut Guard;
 
     /// This cycle had a fault, or gripper or wrist could not be polled: what the task waits for may not have come
-    /// meanwhile. Its waiting begins anew.
+    /// meanwhile. The time up to the next step does not count.
     fn interrupt(&mut self) {}
 
     /// What it waits for before its work can begin; None once it has begun, and before the first step.

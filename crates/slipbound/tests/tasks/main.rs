@@ -26,12 +26,12 @@ fn an_empty_gripper_ends_the_task() {
 /// Jaws that close for as long as they do, or wait for a link; and jaws that stand open.
 #[test]
 fn nothing_is_found_only_by_jaws_that_had_the_time_to_close() {
-    let ended_s = |jaws: Jaws, opening_mm: &dyn Fn(f64) -> f64, interrupted: std::ops::Range<u64>| {
+    let ended_s = |jaws: Jaws, opening_mm: &dyn Fn(f64) -> f64, interrupted: &dyn Fn(u64) -> bool| {
         let mut task = TaskSettings::default().task(TaskKind::Lift, None).expect("valid");
         let wrist = WristState { time_ns: 0, angle_rad: 0.0, lowered_mm: 0.0, moving: false };
         let report = hand(SlipState::NoContact);
         (0..100 * 30).find_map(|cycle| {
-            if interrupted.contains(&(cycle / 30)) {
+            if interrupted(cycle) {
                 task.interrupt();
                 return None;
             }
@@ -42,12 +42,14 @@ fn nothing_is_found_only_by_jaws_that_had_the_time_to_close() {
             matches!(step.phase, Phase::Ended(Ending::NothingHeld)).then_some(now_ns / 1_000_000_000)
         })
     };
-    assert_eq!(ended_s(Jaws::Open, &|_| 100.0, 0..0), Some(10));
-    assert_eq!(ended_s(Jaws::Open, &|_| 100.0, 2..9), Some(18));
-    assert_eq!(ended_s(Jaws::Closing, &|_| 100.0, 0..0), Some(10), "stuck");
-    assert_eq!(ended_s(Jaws::Closing, &|s| 100.0 + (s * 9.0).sin(), 0..0), Some(10), "shaking");
+    let never = |_| false;
+    assert_eq!(ended_s(Jaws::Open, &|_| 100.0, &never), Some(10));
+    assert_eq!(ended_s(Jaws::Open, &|_| 100.0, &|cycle| (60..270).contains(&cycle)), Some(17), "seven seconds away");
+    assert_eq!(ended_s(Jaws::Open, &|_| 100.0, &|cycle| cycle % 60 == 59), Some(10), "a fault that flickers");
+    assert_eq!(ended_s(Jaws::Closing, &|_| 100.0, &never), Some(10), "stuck");
+    assert_eq!(ended_s(Jaws::Closing, &|s| 100.0 + (s * 9.0).sin(), &never), Some(10), "shaking");
     // At the least speed of the grippers, to the end.
-    assert_eq!(ended_s(Jaws::Closing, &|s| (100.0 - 5.0 * s).max(0.0), 0..0), Some(30));
+    assert_eq!(ended_s(Jaws::Closing, &|s| (100.0 - 5.0 * s).max(0.0), &never), Some(30));
 }
 
 /// An object that is held but not felt is not lifted, and the missing condition is reported.

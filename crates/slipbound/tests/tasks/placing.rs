@@ -67,6 +67,10 @@ fn a_gripper_that_does_not_loosen_its_grip_lets_nothing_go() {
 fn a_fault_while_it_is_laid_down_is_waited_for_and_not_blamed_on_the_gripper() {
     let touching = |touched_s: f64, _: f64| (0.0..8.0).contains(&touched_s);
     assert_eq!(laid_down_with_faults(true, true, touching), (Some(Ending::Placed), true));
+    // A fault that flickers keeps nobody waiting for ever.
+    let flickers = |touched_s: f64, _: f64| touched_s > 0.0 && touched_s % 2.0 < 0.05;
+    assert_eq!(laid_down_with_faults(false, true, flickers), (Some(Ending::GripStays), false));
+    assert_eq!(laid_down_with_faults(true, false, flickers), (Some(Ending::NotReleased), true));
     let releasing = |_: f64, released_s: f64| (0.0..20.0).contains(&released_s);
     assert_eq!(laid_down_with_faults(true, true, releasing), (Some(Ending::Placed), true));
 }

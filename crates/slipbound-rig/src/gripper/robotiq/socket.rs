@@ -88,7 +88,9 @@ impl Socket {
             self.round_ns = Some(now_ns);
             // Not every gripper tells it: the rest is asked for all the same.
             let may_ask_force = std::mem::take(&mut self.may_ask_force) && self.actuator.is_known();
-            if may_ask_force && (driver.gripper.target_n.is_none() || self.force_asked_count == 0) {
+            // On a new link once, before anything is commanded there.
+            let is_first = self.force_asked_count == 0 && self.done == Goal::Keep;
+            if may_ask_force && (driver.gripper.target_n.is_none() || is_first) {
                 self.question = QUESTIONS.len();
             } else {
                 self.is_heard = Some(Default::default());
