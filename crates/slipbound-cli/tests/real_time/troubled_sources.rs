@@ -15,9 +15,9 @@ use std::time::Duration;
 /// Longest wait for a line, on a machine with other work.
 const LONGEST: Duration = Duration::from_secs(30);
 
-/// Waits until these words come on standard error, then interrupts the program; its output from there on, and whether
-/// they came.
-fn interrupted_after(mut child: Child, words: &'static str) -> (bool, Output) {
+/// Waits until these words come on standard error, then sends the program this signal; its output from there on, and
+/// whether they came.
+fn ended_after(mut child: Child, words: &'static str, by: &str) -> (bool, Output) {
     let mut stderr = BufReader::new(child.stderr.take().expect("piped"));
     let (said, heard) = channel();
     let listener = thread::spawn(move || {
@@ -31,7 +31,7 @@ fn interrupted_after(mut child: Child, words: &'static str) -> (bool, Output) {
         let _ = stderr.read_to_end(&mut Vec::new());
     });
     let came = heard.recv_timeout(LONGEST).is_ok();
-    signal(&child, "-INT");
+    signal(&child, by);
     let ended = child.wait_with_output().expect("ends");
     listener.join().expect("heard to the end");
     (came, ended)
@@ -44,7 +44,7 @@ fn a_camera_that_is_silent_from_the_start_is_told_of() {
         let url = serve(Trouble { silent_from: Some(from), ..Trouble::default() });
         for command in ["watch", "tare"] {
             let child = start_in(scratch.path(), &[command, "--sensor", "gelsight_mini_wide", &url]);
-            let (came, ended) = interrupted_after(child, ": no frame for 0.");
+            let (came, ended) = ended_after(child, ": no frame for 0.", "-KILL");
             assert!(came, "{command}, silent from frame {from}: {}", printed(&ended));
         }
     }
@@ -57,7 +57,7 @@ fn a_source_that_fails_is_told_of_while_the_others_are_recorded() {
     fs::write(scratch.path().join("images/0.jpg"), jpeg(0)).expect("writes");
     let url = serve(Trouble::default());
     let child = start_in(scratch.path(), &["record", &url, "images", "-o", "run.mcap", "--for-s", "3600"]);
-    let (came, ended) = interrupted_after(child, "expected frames with times");
+    let (came, ended) = ended_after(child, "expected frames with times", "-INT");
     assert!(came, "{}", printed(&ended));
     assert_eq!(ended.status.code(), Some(2), "{}", printed(&ended));
 }
