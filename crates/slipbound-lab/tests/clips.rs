@@ -1,5 +1,6 @@
 //! Recorded clips that cannot be judged are named, never counted as held.
 
+use slipbound::image::SizePx;
 use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat, SourceError, SourceErrorKind};
 use slipbound_lab::eval::clips::Clips;
 use slipbound_lab::eval::lifts::Lifts;
@@ -18,7 +19,7 @@ fn world() -> World {
     World::new(&Trial::parse(scene).expect("a scene")).expect("a world")
 }
 
-/// A clip by its name: `dark*` and `torn*` have no usable frame, `short*` has three frames, `cut*` cannot be read from the
+/// A clip by its name: `dark*`, `torn*` and `wide*`, of another shape, have no usable frame, `short*` has three frames, `cut*` cannot be read from the
 /// tenth on, others show a press.
 struct Clip {
     name: String,
@@ -29,7 +30,7 @@ struct Clip {
 impl FrameSource for Clip {
     fn next(&mut self, into: &mut FrameBuffer) -> Result<Next, SourceError> {
         let most = if self.name.starts_with("short") { 3 } else { 25 };
-        let is_press = !["dark", "torn", "short"].iter().any(|kind| self.name.starts_with(kind));
+        let is_press = !["dark", "torn", "wide", "short"].iter().any(|kind| self.name.starts_with(kind));
         if self.given == most && !is_press {
             return Ok(Next::End);
         }
@@ -43,8 +44,9 @@ impl FrameSource for Clip {
             into.seq = seq;
             return Ok(Next::Torn { reason: "half a file".into() });
         }
-        if self.name.starts_with("dark") {
-            let size = self.world.sensor().image_px;
+        if self.name.starts_with("dark") || self.name.starts_with("wide") {
+            let own = self.world.sensor().image_px;
+            let size = if self.name.starts_with("wide") { SizePx::new(2 * own.width, own.height) } else { own };
             (into.seq, into.size, into.format) = (seq, size, PixelFormat::Rgb);
             into.pixels = vec![0; 3 * size.area()];
             return Ok(Next::Frame);
@@ -58,6 +60,7 @@ fn open(uri: &str) -> Result<Box<dyn FrameSource + Send>, SourceError> {
     let fails = |kind, text: &str| Err(SourceError::new(kind, format!("{uri}: {text}")).of_file(uri));
     match name.as_str() {
         "empty" => return fails(SourceErrorKind::Settings, "expected images, got none"),
+        name if name.starts_with('.') => return fails(SourceErrorKind::Unsupported, "no program for it"),
         "locked" => return fails(SourceErrorKind::Unreadable, "permission denied"),
         _ => {}
     }
@@ -126,6 +129,24 @@ fn a_grasp_of_which_no_finger_can_be_judged_is_named_and_not_counted() {
     let both = of(&["dark.avi", "torn.avi"]);
     assert!(both.starts_with(&format!("{none}dark.avi: no rest frame among the first 20 frames (20")), "{both}");
     assert!(both.ends_with(torn), "{both}");
+}
+
+#[test]
+fn a_clip_of_another_shape_leaves_the_others() {
+    let judged = lifts(&[("wide", &[]), ("z", &[])]);
+    let why = problem(&judged);
+    assert!(why.starts_with("image_px: expected "), "{why}");
+    let judged = judged.expect("records");
+    assert_eq!((judged.len(), judged[1].unjudged()), (2, None));
+    let alone = wriggles(&[("a", &["left.avi"])]).expect("a grasp");
+    let beside = wriggles(&[("a", &["left.avi", "wide.avi"])]).expect("a grasp");
+    assert_eq!((beside[0].score, beside[0].number_of("unjudged_videos")), (alone[0].score, Some(1.0)));
+}
+
+#[test]
+fn a_hidden_file_of_a_grasp_is_no_video() {
+    let alone = wriggles(&[("a", &["left.avi"])]);
+    assert_eq!(wriggles(&[("a", &["._left.avi", "left.avi"])]), alone);
 }
 
 #[test]

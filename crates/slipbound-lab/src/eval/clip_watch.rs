@@ -32,6 +32,8 @@ pub enum RestFrom {
 pub struct Seen {
     /// Number of the frame.
     pub frame: u64,
+    /// Its time, if the recording tells it, ns.
+    pub time_ns: Option<u64>,
     /// Whether the frame could be judged.
     pub is_judged: bool,
     /// Whether something touches the finger.
@@ -154,7 +156,8 @@ impl Recording<'_> {
         }))
     }
 
-    /// The rest frame; the inner error is why there is none.
+    /// The rest frame; the inner error is why there is none, as that its first whole frame has another shape than the
+    /// finger's.
     fn rest(&self, settings: &Settings) -> Result<Result<Rest, String>, EvalError> {
         let mut frames = (self.open)(&self.uri)?;
         let mut buffer = FrameBuffer::default();
@@ -174,12 +177,18 @@ impl Recording<'_> {
                 },
             }
             if self.rest_from == RestFrom::FirstFrame {
-                let mut builder = RestBuilder::new(self.sensor, settings, buffer.size)?;
+                let mut builder = match RestBuilder::new(self.sensor, settings, buffer.size) {
+                    Ok(builder) => builder,
+                    Err(other_shape) => return Ok(Err(other_shape.to_string())),
+                };
                 break builder.add(&buffer.frame()?).and_then(|()| builder.build(RestKind::InContact));
             }
             let finder = match &mut finder {
                 Some(finder) => finder,
-                None => finder.insert(RestFinder::new(self.sensor, settings, buffer.size)?),
+                None => match RestFinder::new(self.sensor, settings, buffer.size) {
+                    Ok(new) => finder.insert(new),
+                    Err(other_shape) => return Ok(Err(other_shape.to_string())),
+                },
             };
             finder.see(&buffer)?;
             if finder.is_full() {
@@ -202,6 +211,7 @@ impl Watched {
             let score = detector.see(monitor, report);
             frames.push(Seen {
                 frame: report.seq,
+                time_ns: report.time_ns,
                 is_judged: report.state != SlipState::Unjudged,
                 touches: !matches!(report.state, SlipState::NoContact | SlipState::Unjudged),
                 score,
@@ -246,7 +256,15 @@ mod tests {
     #[test]
     fn a_clip_that_only_the_papers_own_method_can_judge_is_not_scored_for_ours() {
         let [ours, paper] = ["ours", "paper_as_written"].map(|name| crate::rivals::named(name).expect("there is one"));
-        let frame = |is_judged| Seen { frame: 0, is_judged, touches: false, score: 0.0, alarms: false, evidence: None };
+        let frame = |is_judged| Seen {
+            frame: 0,
+            time_ns: None,
+            is_judged,
+            touches: false,
+            score: 0.0,
+            alarms: false,
+            evidence: None,
+        };
         assert!(!is_judged(&[ours, paper], &[vec![], vec![frame(true)]]));
         assert!(!is_judged(&[ours, paper], &[vec![frame(false)], vec![frame(true)]]));
         assert!(is_judged(&[ours, paper], &[vec![frame(false), frame(true)], vec![]]));

@@ -166,9 +166,11 @@ fn add_files(folder: &Path, name: &str, files: &mut Vec<String>) -> Result<(), C
         let entry = entry.map_err(failed)?;
         let own = entry.file_name().to_string_lossy().into_owned();
         let name = format!("{name}/{own}");
-        let about = fs::metadata(entry.path()).map_err(failed)?;
+        if own.starts_with('.') {
+            continue;
+        }
+        let about = fs::metadata(entry.path()).map_err(|source| ClipsError::Read { path: entry.path(), source })?;
         match about.is_dir() {
-            _ if own.starts_with('.') => {}
             true => add_files(&entry.path(), &name, files)?,
             false => files.push(format!("{name} {}", about.len())),
         }
@@ -195,9 +197,13 @@ fn labels(text: &str, names: &[String]) -> Result<BTreeMap<String, Label>, Strin
     let header = lines.next().map_or("", |(_, line)| line);
     let columns: Vec<&str> = header.split(',').map(str::trim).collect();
     let place = |name: &str| {
-        let found = columns.iter().position(|column| *column == name);
+        let mut found = (0..columns.len()).filter(|&n| columns[n] == name);
         let got = if header.trim().is_empty() { "none".into() } else { columns.join(", ") };
-        found.ok_or_else(|| format!("expected a header with a column {name}, got {got}"))
+        match (found.next(), found.next()) {
+            (Some(place), None) => Ok(place),
+            (Some(_), Some(_)) => Err(format!("expected a header with one column {name}, got {got}")),
+            _ => Err(format!("expected a header with a column {name}, got {got}")),
+        }
     };
     let (object, slip) = (place("object")?, place("slip")?);
     let mut labels = BTreeMap::new();
@@ -217,6 +223,9 @@ fn labels(text: &str, names: &[String]) -> Result<BTreeMap<String, Label>, Strin
         }
         if let Some(before) = line_of.insert(clip, number) {
             return refuse("each clip once", &format!("{clip} again, as in line {before}"));
+        }
+        if cells[object].is_empty() {
+            return refuse("the name of an object", "");
         }
         let slips = match cells[slip] {
             "1" => true,
@@ -270,6 +279,21 @@ mod tests {
         assert!((1..all.len()).all(|n| !all[..n].contains(&all[n])), "{all:?}");
     }
 
+    #[cfg(unix)]
+    #[test]
+    fn a_file_that_cannot_be_inspected_is_named_and_a_hidden_one_is_not_looked_at() {
+        let root = tempfile::tempdir().expect("a folder");
+        let refuses: OpenSource = |_| Err(SourceError::new(SourceErrorKind::Other, "no clip"));
+        fs::create_dir(root.path().join("a_1")).expect("a folder");
+        let link =
+            |name: &str| std::os::unix::fs::symlink("nowhere", root.path().join("a_1").join(name)).expect("a link");
+        link(".000.jpg");
+        assert!(Clips::open(root.path(), refuses).is_ok());
+        link("000.jpg");
+        let error = Clips::open(root.path(), refuses).map(drop).expect_err("a link to nothing").to_string();
+        assert!(error.contains("a_1/000.jpg"), "{error}");
+    }
+
     #[test]
     fn labels_that_cannot_be_meant_are_refused_by_file_and_line() {
         let root = tempfile::tempdir().expect("a folder");
@@ -285,6 +309,7 @@ mod tests {
         for (rows, problem) in [
             ("a_1,a,yes\n", "line 2: expected slip 0 or 1, got yes"),
             ("a_1,a,\n", "line 2: expected slip 0 or 1, got none"),
+            ("a_1,,1\n", "line 2: expected the name of an object, got none"),
             (",b,0\n", "line 2: expected the name of a clip in the folder, got none"),
             ("b_1,b,0\n\na_1,1\n", "line 4: expected 3 cells, as in the header, got 2"),
             ("a_1,cup, red,1\n", "line 2: expected 3 cells, as in the header, got 4"),
@@ -303,6 +328,8 @@ mod tests {
         assert!(!read["b_2"].slips);
         let error = labels("clip,slip\na_1,1\n", &names).expect_err("no objects");
         assert_eq!(error, "expected a header with a column object, got clip, slip");
+        let error = labels("clip,object,slip,slip\na_1,cup,1,0\n", &names).expect_err("two raters");
+        assert_eq!(error, "expected a header with one column slip, got clip, object, slip, slip");
         assert_eq!(labels("\n", &names).expect_err("empty"), "expected a header with a column object, got none");
     }
 }

@@ -151,8 +151,10 @@ pub fn record(scored_trial: &ScoredTrial, entry: &Entry, watched: &Watched, seen
     });
     let before_gross = |n: &usize| !scored_trial.slips || !is_past_gross(*n);
     let highest = |frames: &mut dyn Iterator<Item = usize>| frames.map(|n| seen[n].score).fold(0.0, f64::max);
-    let score = highest(&mut (0..truth.len()).filter(counts).filter(before_gross));
-    let score_below = highest(&mut (0..truth.len()).filter(counts).filter(|&n| f[n] < FALSE_BELOW_FRACTION));
+    let scored = || (0..truth.len()).filter(counts).filter(before_gross);
+    let score = highest(&mut scored());
+    // A slide that turns back has little load along its first direction, and slides.
+    let score_below = highest(&mut scored().filter(|&n| f[n] < FALSE_BELOW_FRACTION));
     let loaded = || (0..truth.len()).filter(|&n| truth[n].frame >= watched.load_from_frame);
     let lead_ms = first.and_then(|n| Some(1e3 * (watched.gross?.time_s - truth[n].time_s)));
     let gross_frame = (0..truth.len()).find(|&n| is_past_gross(n)).map(|n| truth[n].frame);
@@ -365,6 +367,14 @@ mod tests {
         let (scored_trial, watched) = ramp(true);
         let late = record(&scored_trial, &DETECTORS[0], &watched, &seen(Some(31)));
         assert_eq!((late.verdict, late.score), (false, 0.0), "what comes after gross slip counts for nothing");
+        let turns_back = {
+            let mut truth = watched.truth.clone();
+            truth[31].load = Some(0.05);
+            Watched { truth, seen: Vec::new(), ..watched }
+        };
+        let back = record(&scored_trial, &DETECTORS[0], &turns_back, &seen(Some(31)));
+        assert_eq!(back.number_of(SCORE_BELOW), Some(0.0), "nor where the load along its first direction is small");
+        let (scored_trial, watched) = ramp(true);
         let in_time = record(&scored_trial, &DETECTORS[0], &watched, &seen(Some(20)));
         assert!((in_time.number_of("lead_ms").expect("a lead") - 1000.0 / 3.0).abs() < 1e-6);
         assert!(

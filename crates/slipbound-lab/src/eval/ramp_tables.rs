@@ -138,7 +138,7 @@ fn alarm_row(name: &str, all: &[&TrialRecord]) -> Vec<Cell> {
 fn error_table(prefix: &str) -> Table {
     Table::new(
         &format!("{prefix}Estimation errors"),
-        "Mean over ramps of the mean absolute error of stick ratio and margin, on frames with f >= 0.1 and the grip steady for 0.2 s; shear and torque: \
+        "Mean over ramps of the mean absolute error of stick ratio and margin, on frames before gross slip with f >= 0.1 and the grip steady for 0.2 s; shear and torque: \
          root mean square error over the loaded frames over the value at gross slip; friction: median relative error once f > 0.3. Last: number of \
          ramps with an estimate of stick ratio, margin, shear, torque and friction.",
         &[

@@ -26,9 +26,11 @@ use std::path::Path;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Consecutive frames with contact before the window: 0.5 s at the rate that the headers of the recordings state, 25 Hz.
-/// Some recordings begin with the release of the grasp before: that contact ends sooner.
-const CONTACT_FRAMES_COUNT: usize = 13;
+/// Contact before the window, ns. Some recordings begin with the release of the grasp before: that contact ends sooner.
+const CONTACT_NS: u64 = 500_000_000;
+
+/// The same in frames, where they have no times: at 25 Hz.
+const CONTACT_FRAMES_COUNT: u64 = 13;
 
 /// Key of a record: how many videos of the grasp could not be judged; absent where all could.
 const UNJUDGED_VIDEOS: &str = "unjudged_videos";
@@ -54,10 +56,10 @@ struct Grasp {
     fingers: Vec<Vec<Vec<Seen>>>,
     /// Videos that cannot be judged.
     unjudged_count: usize,
-    /// Index of the first frame of the window; None without contact, or where no frame comes after it.
-    from: Option<usize>,
-    /// Frames from there to the end.
-    left_count: usize,
+    /// Number of the first frame of the window; None without contact, or where no frame comes after it.
+    from: Option<u64>,
+    /// Frames from there to the end, those that the recorder dropped included.
+    left_count: u64,
 }
 
 impl Wriggles {
@@ -98,7 +100,7 @@ impl Wriggles {
             }
         };
         let mut done: Vec<(usize, Result<Judged, String>)> = std::thread::scope(|scope| {
-            let threads: Vec<_> = (0..self.jobs.max(1)).map(|_| scope.spawn(worker)).collect();
+            let threads: Vec<_> = (0..self.jobs.clamp(1, names.len().max(1))).map(|_| scope.spawn(worker)).collect();
             threads.into_iter().flat_map(|thread| thread.join().unwrap_or_default()).collect()
         });
         done.sort_by_key(|(n, _)| *n);
@@ -132,7 +134,8 @@ fn grasp(
     let mut videos = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(EvalError::other)? {
         let path = entry.map_err(EvalError::other)?.path();
-        if path.extension().is_some_and(|extension| extension == "avi") {
+        let is_hidden = path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+        if !is_hidden && path.extension().is_some_and(|extension| extension == "avi") {
             videos.push(path);
         }
     }
@@ -162,20 +165,44 @@ impl Grasp {
     /// Places the window, by the contact that the detector of this index tells.
     fn new(fingers: Vec<Vec<Vec<Seen>>>, unjudged_count: usize, contact_by: usize) -> Self {
         let from = fingers.iter().filter_map(|finger| after_contact(&finger[contact_by])).min();
-        let length = fingers.iter().map(|finger| finger[contact_by].len()).min().unwrap_or(0);
-        let left_count = from.map_or(0, |from| length.saturating_sub(from));
+        let end = |finger: &Vec<Vec<Seen>>| finger[contact_by].last().map_or(0, |frame| frame.frame + 1);
+        let end = fingers.iter().map(end).min().unwrap_or(0);
+        let left_count = from.map_or(0, |from| end.saturating_sub(from));
         Grasp { fingers, unjudged_count, from: from.filter(|_| left_count > 0), left_count }
     }
 }
 
-/// Index of the first frame after [`CONTACT_FRAMES_COUNT`] consecutive ones with contact.
-fn after_contact(frames: &[Seen]) -> Option<usize> {
-    let mut windows = frames.windows(CONTACT_FRAMES_COUNT);
-    windows.position(|some| some.iter().all(|frame| frame.touches)).map(|start| start + CONTACT_FRAMES_COUNT)
+/// Number of the first frame after contact for [`CONTACT_NS`]. A frame that cannot be judged tells nothing of it.
+fn after_contact(frames: &[Seen]) -> Option<u64> {
+    let mut began: Option<&Seen> = None;
+    for frame in frames {
+        if began.is_some_and(|began| has_lasted(began, frame)) {
+            return Some(frame.frame);
+        }
+        if frame.is_judged {
+            began = if frame.touches { began.or(Some(frame)) } else { None };
+        }
+    }
+    None
+}
+
+/// Whether a frame comes long enough after another.
+fn has_lasted(began: &Seen, now: &Seen) -> bool {
+    match began.time_ns.zip(now.time_ns) {
+        Some((began_ns, now_ns)) => now_ns.saturating_sub(began_ns) >= CONTACT_NS,
+        None => now.frame - began.frame >= CONTACT_FRAMES_COUNT,
+    }
+}
+
+/// The frames of a finger from a number on, so many numbers long.
+fn window(frames: &[Seen], from: u64, count: u64) -> &[Seen] {
+    let start = frames.partition_point(|frame| frame.frame < from);
+    let end = frames.partition_point(|frame| frame.frame < from + count);
+    &frames[start..end]
 }
 
 /// Length of the window: the frames left in the shortest clip, among those with contact and a frame after it.
-fn window_count<'a>(grasps: impl Iterator<Item = &'a Grasp>) -> usize {
+fn window_count<'a>(grasps: impl Iterator<Item = &'a Grasp>) -> u64 {
     grasps.filter(|grasp| grasp.from.is_some()).map(|grasp| grasp.left_count).min().unwrap_or(0)
 }
 
@@ -203,7 +230,7 @@ impl Protocol for Wriggles {
         let record = |n: usize, entry: &&'static Entry| {
             let of_finger = |finger: &Vec<Vec<Seen>>| {
                 let from = grasp.from?;
-                let seen = finger[n].get(from..(from + window_count).min(finger[n].len()))?;
+                let seen = window(&finger[n], from, window_count);
                 let (score, first_slide, _) = judged(entry, seen, &scale);
                 let first_alarm = seen.iter().find(|frame| frame.alarms).map(|frame| frame.frame);
                 Some((score, first_slide, first_alarm))
@@ -215,8 +242,8 @@ impl Protocol for Wriggles {
                 .clips
                 .record(number, entry, score, first_alarm_frame)
                 .with("first_state_alarm_frame", fingers.iter().filter_map(|finger| finger.2).min())
-                .with("window_frames", window_count as u64)
-                .with("window_from_frame", grasp.from.map(|from| from as u64));
+                .with("window_frames", window_count)
+                .with("window_from_frame", grasp.from);
             match grasp.unjudged_count {
                 0 => record,
                 count => record.with(UNJUDGED_VIDEOS, count as u64),
@@ -283,24 +310,46 @@ impl Protocol for Wriggles {
 mod tests {
     use super::*;
 
+    /// A finger at 25 Hz: `#` touches, `.` does not, `?` cannot be judged, and of `-` there is no frame.
     fn finger(touches: &str) -> Vec<Vec<Seen>> {
+        finger_at(Some(25), touches)
+    }
+
+    fn finger_at(rate_hz: Option<u64>, touches: &str) -> Vec<Vec<Seen>> {
         let seen = |(frame, c): (usize, char)| Seen {
             frame: frame as u64,
-            is_judged: true,
+            time_ns: rate_hz.map(|rate_hz| frame as u64 * 1_000_000_000 / rate_hz),
+            is_judged: c != '?',
             touches: c == '#',
             score: 0.0,
             alarms: false,
             evidence: None,
         };
-        vec![Vec::new(), touches.chars().enumerate().map(seen).collect()]
+        vec![Vec::new(), touches.chars().enumerate().filter(|(_, c)| *c != '-').map(seen).collect()]
     }
 
     #[test]
     fn the_window_begins_once_contact_has_lasted() {
         let (released, short, held) = ("#".repeat(12), "#".repeat(12), "#".repeat(20));
-        assert_eq!(after_contact(&finger(&format!("{released}..{short}.{held}"))[1]), Some(27 + 13));
-        assert_eq!(after_contact(&finger(&format!("{released}.{short}"))[1]), None);
+        for rate_hz in [Some(25), None] {
+            let after = |touches: &str| after_contact(&finger_at(rate_hz, touches)[1]);
+            assert_eq!(after(&format!("{released}..{short}.{held}")), Some(27 + 13), "{rate_hz:?}");
+            assert_eq!(after(&format!("{released}.{short}")), None, "{rate_hz:?}");
+            assert_eq!(after(&format!("{}?{}", "#".repeat(7), "#".repeat(20))), Some(13), "{rate_hz:?}: a torn frame");
+            assert_eq!(after(&format!("{}-----{}", "#".repeat(5), "#".repeat(20))), Some(13), "{rate_hz:?}: a gap");
+        }
+        assert_eq!(after_contact(&finger_at(Some(60), &"#".repeat(60))[1]), Some(30));
+        assert_eq!(after_contact(&finger_at(Some(10), &"#".repeat(60))[1]), Some(5));
         assert_eq!(after_contact(&[]), None);
+    }
+
+    #[test]
+    fn the_window_lies_at_the_same_time_in_both_fingers_whatever_a_recorder_dropped() {
+        let [whole, gaps] = [".".repeat(30), format!("..-----{}", ".".repeat(23))].map(|of| finger(&of));
+        for finger in [whole, gaps] {
+            let frames: Vec<u64> = window(&finger[1], 10, 5).iter().map(|frame| frame.frame).collect();
+            assert_eq!(frames, [10, 11, 12, 13, 14]);
+        }
     }
 
     #[test]
