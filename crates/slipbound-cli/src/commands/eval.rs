@@ -153,7 +153,13 @@ impl Eval {
             changes,
             &Arc::default(),
         )?;
-        for (key, now) in protocol.settings() {
+        // Tables and pictures are those of this program: another one says something else of the same records.
+        let now = Sweep::new(&*protocol, sweep.seed).map_err(|error| Failure::Work(error.into()))?;
+        if now.software_version != sweep.software_version {
+            let (then, now) = (&sweep.software_version, now.software_version);
+            return refuse(anyhow!("merge: software_version: expected that of the sweep, {then}, got {now}"));
+        }
+        for (key, now) in now.settings {
             if let Some(then) = sweep.settings.get(&key).filter(|then| **then != now) {
                 return refuse(anyhow!("merge: {key}: expected that of the sweep, {then}, got {now}"));
             }
