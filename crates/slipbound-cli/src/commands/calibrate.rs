@@ -6,7 +6,7 @@ pub use args::Calibrate;
 
 use super::recording;
 use crate::outcome::{Failure, Outcome};
-use crate::terminal::Terminal;
+use crate::terminal::{Terminal, quoted};
 use anyhow::anyhow;
 use slipbound::calibrate::{Calibration, FRAMES_MOST, calibrate};
 use slipbound::image::Frame;
@@ -182,7 +182,7 @@ impl Calibrate {
         terminal.say(&format!("written: {} and {}", self.output.display(), self.picture().display()))?;
         terminal.say(&format!(
             "next: look at the picture, then slipbound watch RECORDING --sensor {}",
-            self.output.display()
+            quoted(&self.output.display().to_string())
         ))
     }
 

@@ -5,7 +5,7 @@ use super::rest_window::{Window, advice_where_touched};
 use super::watch::StallDetector;
 use super::{finger, inputs, recording};
 use crate::outcome::{Failure, Outcome};
-use crate::terminal::Terminal;
+use crate::terminal::{Terminal, quoted};
 use anyhow::anyhow;
 use slipbound::finger_pipeline::FoundRest;
 use slipbound::monitor::{RestBuilder, Settings, SlipMonitor};
@@ -95,7 +95,8 @@ impl Tare {
             None => "noise unknown: it takes three frames, 20 are better".into(),
         })?;
         terminal.say(&format!("written: {}", self.output.display()))?;
-        terminal.say(&format!("next: slipbound watch {source} --rest {}", self.output.display()))?;
+        let (source, rest) = (quoted(source), self.output.display().to_string());
+        terminal.say(&format!("next: slipbound watch {source} --rest {}", quoted(&rest)))?;
         Ok(if window.torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
     }
 
