@@ -13,6 +13,7 @@ use slipbound::image::Frame;
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
 use slipbound::sensor::{Flip, Polarity, Sensor, Skin};
 use slipbound_rig::calibration::{self, HangingMass, HangingMassError, MeasuredShear, ShearFileError};
+use slipbound_rig::printable::without_passwords;
 use slipbound_rig::report_summary::{of_other_size, torn};
 use slipbound_rig::sensors;
 use slipbound_rig::source::{ReadAhead, most_common_size};
@@ -198,13 +199,14 @@ impl Calibrate {
         }
         let name = self.sensor.as_deref().unwrap_or_default();
         let sensor = sensors::load(name).map_err(Failure::arguments)?;
-        let file_name = Path::new(&self.source).file_name().map(|n| n.to_string_lossy().into_owned());
+        let shown = without_passwords(&self.source);
+        let file_name = Path::new(&*shown).file_name().map(|n| n.to_string_lossy().into_owned());
         let mass = HangingMass {
             mass_g,
             fingers_count: self.fingers,
             held: self.held.clone(),
             hanging: self.hanging.clone(),
-            recording: file_name.unwrap_or_else(|| self.source.clone()),
+            recording: file_name.unwrap_or_else(|| shown.into_owned()),
         };
         let measured = mass.measure(&mut recording::open(&self.source)?, &sensor).map_err(|e| match e {
             HangingMassError::Source(e) => e.into(),

@@ -11,6 +11,7 @@ use slipbound::finger_pipeline::FoundRest;
 use slipbound::monitor::{RestBuilder, Settings, SlipMonitor};
 use slipbound::sensor::Sensor;
 use slipbound_rig::link::now_ns;
+use slipbound_rig::printable::without_passwords;
 use slipbound_rig::report_summary::frame_name;
 use slipbound_rig::rest_file::{MadeOf, SavedRest};
 use slipbound_rig::{config, file_origin, sensors, source};
@@ -77,7 +78,7 @@ impl Tare {
         let frames = if averaged == 1 { format!("frame {}", seqs.start) } else { frames };
         let markers_count = rest.markers_count();
         let made_of = MadeOf {
-            source: self.source.clone(),
+            source: without_passwords(&self.source).into_owned(),
             frames: [seqs.start, seqs.end],
             noise_px: noise.as_ref().map(|(median_px, _)| *median_px),
             sensor,
