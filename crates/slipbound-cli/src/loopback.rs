@@ -82,8 +82,9 @@ impl Loopback {
     ) -> anyhow::Result<Self> {
         let hand = SimHand::new(scene)?;
         let slots: Vec<Slot> = (0..scene.fingers_count()).map(|_| Slot::default()).collect();
-        let pipeline =
-            |(i, slot): (usize, &Slot)| finger(&hand, i, monitor, fault, Box::new(SlotSource { slot: slot.clone() }));
+        let pipeline = |(i, slot): (usize, &Slot)| {
+            finger(scene, &hand, i, monitor, fault, Box::new(SlotSource { slot: slot.clone() }))
+        };
         let fingers = slots.iter().enumerate().map(pipeline).collect();
         let task = settings.task(scene.task(), hand.sensor(0).shear_stiffness_mpa_per_mm())?;
         let control = ControlLoop::new(fingers, task)?.with_runner(Box::new(MonitorWorkers::new()));

@@ -16,6 +16,7 @@ use crate::terminal::Terminal;
 use slipbound::control::{CycleObserver, CycleView};
 use slipbound::task::Ending;
 use slipbound_rig::container::{McapAnnotations, McapObserver};
+use slipbound_rig::printable::without_passwords;
 use slipbound_rig::realtime::{Finished, QueuedObserver};
 use slipbound_rig::run::{CameraLimits, Row, RunInfo, RunRecorder};
 use std::path::Path;
@@ -95,6 +96,7 @@ impl RunOutput {
 
     /// A note that no cycle shows.
     pub fn note(&mut self, now_ns: u64, text: &str) {
+        let text = &*without_passwords(text);
         if let Some(recorder) = &mut self.parts.recorder {
             recorder.note(now_ns, text);
         }

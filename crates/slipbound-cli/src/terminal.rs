@@ -3,6 +3,7 @@
 use crate::outcome::Failure;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use slipbound_rig::printable::printable;
+use std::borrow::Cow;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::sync_channel;
@@ -28,6 +29,15 @@ pub fn in_words(e: &anyhow::Error) -> String {
         }
     }
     text
+}
+
+/// A word of a command that is shown, quoted where the shell would take it for something else.
+pub fn quoted(word: &str) -> Cow<'_, str> {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./:=,+@%".contains(c);
+    match !word.is_empty() && word.chars().all(is_plain) {
+        true => Cow::Borrowed(word),
+        false => Cow::Owned(format!("'{}'", word.replace('\'', r"'\''"))),
+    }
 }
 
 /// Longest wait for standard error to take the last message.
@@ -158,6 +168,19 @@ impl Terminal {
 mod tests {
     use super::*;
     use slipbound_rig::avi_writer;
+
+    #[test]
+    fn a_word_that_the_shell_would_take_apart_is_quoted() {
+        for (word, shown) in [
+            ("out/rest.json", "out/rest.json"),
+            ("my run/0.jpg", "'my run/0.jpg'"),
+            ("sim:press?seed=1", "'sim:press?seed=1'"),
+            ("it's.toml", r"'it'\''s.toml'"),
+            ("", "''"),
+        ] {
+            assert_eq!(quoted(word), shown);
+        }
+    }
 
     #[test]
     fn a_cause_that_the_error_contains_is_not_told_again() {

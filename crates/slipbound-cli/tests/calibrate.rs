@@ -59,6 +59,17 @@ fn a_calibrated_clear_gel_is_untouched_in_every_frame_at_rest() {
     }
 }
 
+#[test]
+fn the_command_to_go_on_with_is_quoted_for_the_shell() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let told = |words: &[&str]| printed(&slipbound_in(folder.path(), words));
+    let (scene, rest) = ("sim:press?grid=fast&hold_s=1", "my finger.rest");
+    let tared = told(&["tare", scene, "--frames", "10", "-o", rest]);
+    assert!(tared.contains(&format!("next: slipbound watch '{scene}' --rest '{rest}'\n")), "{tared}");
+    let calibrated = told(&["calibrate", scene, "-o", "my gel.toml", "--skin", "fabric", "--flip", "vertical"]);
+    assert!(calibrated.contains("slipbound watch RECORDING --sensor 'my gel.toml'\n"), "{calibrated}");
+}
+
 /// A weave looks like an imprint if the finger is taken for a bare gel; that is reported.
 #[test]
 fn a_weave_that_was_taken_for_a_gel_is_told_of() {

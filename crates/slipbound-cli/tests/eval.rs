@@ -116,6 +116,18 @@ fn ramps_take_as_long_as_they_are_told_to() {
     assert!(code == Some(2) && err.contains("merge --ramp-s: expected that of the sweep or none, got 0.3"), "{err}");
     let (code, _, err) = merge(&["--rate-hz", "30"], "contradicted");
     assert!(code == Some(2) && err.contains("merge --rate-hz: expected that of the sweep or none, got 30"), "{err}");
+    // Another build judges otherwise.
+    let path = dir.path().join("fast/sweep.json");
+    let about = fs::read_to_string(&path).expect("a sweep");
+    let method = about.lines().find_map(|line| line.trim().strip_prefix("\"method\": \"")).expect("a method");
+    let method = method.trim_end_matches([',', '"']);
+    let version = env!("CARGO_PKG_VERSION");
+    for (key, now, then) in [("method", method, "0000000000000000"), ("software_version", version, "0.0.7")] {
+        fs::write(&path, about.replace(&format!("\"{now}\""), &format!("\"{then}\""))).expect("written");
+        let (code, _, err) = merge(&[], "other_build");
+        let said = format!("merge: {key}: expected that of the sweep, {then}, got {now}");
+        assert!(code == Some(2) && err.contains(&said), "{code:?} {err}");
+    }
 }
 
 #[test]

@@ -401,6 +401,7 @@ fn numbers_and_options_that_mean_nothing_are_refused() {
         ("paper -o -", "--output -: expected the name of a folder"),
         ("hold sim --gripper dry -o -", "--output -: expected the name of a folder"),
         ("emulate hand -o -", "--output -: expected the name of a folder"),
+        ("emulate hand --set fault=torn=0.1 -o hand", "--set fault: expected with `demo` and `trials` only"),
         ("eval ramps --trials 0 -o ev", "--trials"),
         ("eval ramps --trials 18446744073709551615 -o ev", "--trials"),
         ("eval table1 --trials 400 -o ev", "--trials: expected at most the 320 of table1, got 400"),

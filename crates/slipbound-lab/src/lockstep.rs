@@ -10,8 +10,9 @@
 #![doc = include_str!("../examples/hold_simulated.rs")]
 //! ```
 
-use crate::faults::{CameraFault, CameraFaults};
+use crate::faults::{CameraFault, CameraFaults, Faulty};
 use crate::hand::{HandScene, SimGripper, SimHand, SimWrist};
+use crate::random::Random;
 use crate::score::RunScore;
 use slipbound::control::{ControlError, ControlLoop, CycleObserver, CycleOutcome, CycleView};
 use slipbound::finger_pipeline::{FingerPipeline, MonitorRunner};
@@ -75,8 +76,10 @@ pub struct LockStep {
     score: RunScore,
 }
 
-/// A finger of a simulated hand. Its name is that of its side; so is its mounting, unless the two fingers are swapped.
+/// A finger of the hand of a scene, with the scene's faults of the cameras, drawn for each finger, then `fault`. Its name
+/// is that of its side; so is its mounting, unless the two fingers are swapped.
 pub fn finger(
+    scene: &HandScene,
     hand: &SimHand,
     finger: usize,
     monitor: &Settings,
@@ -85,6 +88,8 @@ pub fn finger(
 ) -> FingerPipeline {
     let is_swapped = fault.is_some_and(|fault| fault.swaps_fingers());
     let mounted = if is_swapped { SIDES[1 - finger] } else { SIDES[finger] };
+    let seed = Random::of(scene.seed(), finger as u64).next_u64();
+    let source = Faulty::new(source, scene.faults().unwrap_or_default(), seed);
     let source = CameraFaults::new(source, fault.filter(|fault| fault.applies_to(finger)));
     let sensor = hand.sensor(finger);
     FingerPipeline::new(SIDES[finger].name(), Mounting::on(mounted), sensor, monitor.clone(), Box::new(source))
@@ -111,7 +116,8 @@ impl LockStep {
         monitor: &Settings,
         fault: Option<CameraFault>,
     ) -> Result<Self, SettingError> {
-        let fingers = (0..scene.fingers_count()).map(|i| finger(&hand, i, monitor, fault, Box::new(hand.camera(i))));
+        let of = |i: usize| finger(scene, &hand, i, monitor, fault, Box::new(hand.camera(i)));
+        let fingers = (0..scene.fingers_count()).map(of);
         let control = ControlLoop::new(fingers.collect(), task)?;
         let actuators = Box::new(Direct { gripper: hand.gripper(), wrist: hand.wrist() });
         let score = RunScore::new(control.task().grip().limits().most_n);
@@ -215,5 +221,38 @@ struct WithTruth<'a> {
 impl CycleObserver for WithTruth<'_> {
     fn after_cycle(&mut self, view: &CycleView<'_>) {
         self.observer.after_cycle(&CycleView { truth: Some(&self.truth), ..*view });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slipbound::port::Next;
+
+    /// When a frame of each finger was torn, ns.
+    #[derive(Default)]
+    struct Torn([Vec<u64>; 2]);
+
+    impl CycleObserver for Torn {
+        fn after_cycle(&mut self, view: &CycleView<'_>) {
+            for (at_ns, finger) in self.0.iter_mut().zip(view.fingers) {
+                at_ns.extend(matches!(finger.next, Next::Torn { .. }).then_some(view.now_ns));
+            }
+        }
+    }
+
+    #[test]
+    fn the_faults_of_a_scene_hit_each_finger_on_its_own() {
+        let torn = |fault: &str| {
+            let scene = format!("screw?height_px=240&longest_s=0.6&fault={fault}");
+            let scene = HandScene::parse(&scene).expect("a scene");
+            let mut run = LockStep::new(&scene, &TaskSettings::default(), &Settings::default(), None).expect("a hand");
+            let mut torn = Torn::default();
+            run.run(&|| false, &mut torn).expect("runs to its end");
+            torn.0
+        };
+        let [left, right] = torn("torn=0.5");
+        assert!(left.len() > 2 && right.len() > 2 && left != right, "{left:?} {right:?}");
+        assert!(torn("none").iter().all(Vec::is_empty));
     }
 }

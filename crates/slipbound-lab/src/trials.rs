@@ -9,7 +9,9 @@ use slipbound::grip::Guard;
 use slipbound::monitor::Settings;
 use slipbound::setting::SettingError;
 use slipbound::task::{ControllerKind, Ending, TaskKind, TaskSettings};
+use std::collections::BTreeMap;
 use std::fmt;
+use std::ops::Range;
 use std::str::FromStr;
 use std::sync::Mutex;
 use std::sync::PoisonError;
@@ -64,7 +66,7 @@ pub struct TrialGrid {
     /// Fingers with a camera.
     pub fingers: Vec<u8>,
     /// The seeds.
-    pub seeds: std::ops::Range<u64>,
+    pub seeds: Range<u64>,
     /// Other parameters of every scene, `KEY=VALUE` each.
     pub parameters: Vec<String>,
 }
@@ -77,7 +79,9 @@ pub struct TrialCell {
     task: TaskKind,
     controller: Controls,
     fingers: u8,
-    scenes: Vec<HandScene>,
+    /// The scene of the first seed; those of the others differ in the seed alone.
+    first: HandScene,
+    seeds: Range<u64>,
 }
 
 /// A run that failed: its scene, and why.
@@ -115,9 +119,11 @@ impl TrialGrid {
                                 }
                                 HandScene::parse(&text)
                             };
-                            let scenes = self.seeds.clone().map(scene).collect::<Result<_, _>>()?;
+                            let seeds = self.seeds.clone();
+                            let first = scene(seeds.start)?;
+                            scene(seeds.end.saturating_sub(1).max(seeds.start))?; // the largest seed
                             let names = [object.clone(), mu.clone()];
-                            cells.push(TrialCell { names, task, controller, fingers, scenes });
+                            cells.push(TrialCell { names, task, controller, fingers, first, seeds });
                         }
                     }
                 }
@@ -130,12 +136,17 @@ impl TrialGrid {
 impl TrialCell {
     /// Number of runs.
     pub fn runs_count(&self) -> usize {
-        self.scenes.len()
+        self.seeds.end.saturating_sub(self.seeds.start) as usize
     }
 
     /// The scene of each run, in the order of the seeds.
-    pub fn scenes(&self) -> &[HandScene] {
-        &self.scenes
+    pub fn scenes(&self) -> impl Iterator<Item = HandScene> {
+        self.seeds.clone().map(|seed| self.first.with_seed(seed))
+    }
+
+    /// The scene of a run.
+    fn scene(&self, run: usize) -> HandScene {
+        self.first.with_seed(self.seeds.start + run as u64)
     }
 }
 
@@ -146,29 +157,38 @@ pub fn run(
     stop: &(dyn Fn() -> bool + Sync),
     progress: &(dyn Fn() + Sync),
 ) -> Result<Vec<Vec<RunScore>>, TrialError> {
-    let jobs: Vec<(usize, usize)> =
-        cells.iter().enumerate().flat_map(|(c, cell)| (0..cell.scenes.len()).map(move |s| (c, s))).collect();
+    // Neither the runs nor their scenes are listed: only the scores of those that have ended take memory.
+    let place = |mut job: usize| {
+        cells.iter().enumerate().find_map(|(c, cell)| match job.checked_sub(cell.runs_count()) {
+            None => Some((c, job)),
+            Some(others) => {
+                job = others;
+                None
+            }
+        })
+    };
     let next = AtomicUsize::new(0);
-    let results: Mutex<Vec<Option<Result<RunScore, LockStepError>>>> = Mutex::new(jobs.iter().map(|_| None).collect());
+    let results: Mutex<BTreeMap<usize, Result<RunScore, LockStepError>>> = Mutex::new(BTreeMap::new());
     let cores_count = std::thread::available_parallelism().map_or(1, usize::from);
     std::thread::scope(|scope| {
         for _ in 0..cores_count {
             scope.spawn(|| {
                 while !stop() {
                     let job = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(&(c, s)) = jobs.get(job) else { return };
-                    let result = score(&cells[c].scenes[s], cells[c].controller, settings, stop);
-                    results.lock().unwrap_or_else(PoisonError::into_inner)[job] = Some(result);
+                    let Some((c, run)) = place(job) else { return };
+                    let result = score(&cells[c].scene(run), cells[c].controller, settings, stop);
+                    results.lock().unwrap_or_else(PoisonError::into_inner).insert(job, result);
                     progress();
                 }
             });
         }
     });
+    let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
     let mut scores: Vec<Vec<RunScore>> = cells.iter().map(|_| Vec::new()).collect();
-    for (&(c, s), result) in jobs.iter().zip(results.into_inner().unwrap_or_else(PoisonError::into_inner)) {
-        match result {
+    for (job, (c, run)) in (0..).map_while(|job| Some((job, place(job)?))) {
+        match results.remove(&job) {
             Some(Ok(score)) => scores[c].push(score),
-            Some(Err(source)) => return Err(TrialError::Run { scene: cells[c].scenes[s].to_string(), source }),
+            Some(Err(source)) => return Err(TrialError::Run { scene: cells[c].scene(run).to_string(), source }),
             None => return Err(TrialError::Interrupted),
         }
     }
@@ -244,4 +264,45 @@ pub fn line(run: &RunScore) -> String {
         run.last.largest_strain_fraction,
         if run.last.at_border { ", contact at the border of the pad" } else { "" },
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::{Duration, Instant};
+
+    fn grid(seeds: Range<u64>) -> TrialGrid {
+        TrialGrid {
+            tasks: vec![TaskKind::Lift],
+            objects: vec!["task".into()],
+            mu: vec!["0.4".into(), "0.6".into()],
+            controllers: vec![Controls::Clairvoyant],
+            fingers: vec![1],
+            seeds,
+            parameters: vec!["longest_s=0.1".into()],
+        }
+    }
+
+    #[test]
+    fn a_million_seeds_take_no_memory_before_they_are_run() {
+        let began = Instant::now();
+        let cells = grid(7..1_000_007).cells().expect("scenes");
+        let ran = run(&cells, &TaskSettings::default(), &|| true, &|| ());
+        assert!(matches!(ran, Err(TrialError::Interrupted)), "{ran:?}");
+        assert!(began.elapsed() < Duration::from_secs(2), "they were listed: {:?}", began.elapsed());
+        assert_eq!(
+            (cells[1].runs_count(), cells[1].scenes().nth(999).map(|scene| scene.seed())),
+            (1_000_000, Some(1006))
+        );
+        let parsed = HandScene::parse("lift?seed=1006&fingers=1&mu=0.6&longest_s=0.1").expect("a scene");
+        assert_eq!(cells[1].scene(999), parsed);
+        assert!(grid((1 << 53) - 1..(1 << 53) + 2).cells().is_err(), "the last seed is none");
+    }
+
+    #[test]
+    fn every_scene_is_run_in_its_cell() {
+        let cells = grid(3..6).cells().expect("scenes");
+        let scores = run(&cells, &TaskSettings::default(), &|| false, &|| ()).expect("they run");
+        assert_eq!(scores.iter().map(Vec::len).collect::<Vec<_>>(), [3, 3]);
+    }
 }

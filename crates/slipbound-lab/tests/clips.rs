@@ -5,12 +5,14 @@ use slipbound::port::{FrameBuffer, FrameSource, Next, PixelFormat, SourceError, 
 use slipbound_lab::eval::clips::Clips;
 use slipbound_lab::eval::lifts::Lifts;
 use slipbound_lab::eval::wriggles::Wriggles;
-use slipbound_lab::eval::{Cell, Protocol, TrialRecord, run};
+use slipbound_lab::eval::{Cell, Protocol, SweepError, TrialRecord, run};
 use slipbound_lab::rivals::{Entry, named};
 use slipbound_lab::scenes::Trial;
 use slipbound_lab::world::World;
 use std::fs;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, LazyLock};
 use tempfile::TempDir;
 
 /// A press that lasts for a second.
@@ -237,4 +239,33 @@ fn a_clip_without_a_label_is_neither_right_nor_wrong() {
     assert!(note.ends_with(" Without a label, and not counted: 1."), "{note}");
     assert_eq!(cells, [Cell::Count(1), Cell::Count(0)]);
     assert_eq!(row(&records[..1]).1, [Cell::Count(0), Cell::None]);
+}
+
+/// Raised when a recording is opened, and how many were.
+static STOP: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+static OPENED_COUNT: AtomicUsize = AtomicUsize::new(0);
+
+fn open_and_stop(uri: &str) -> Result<Box<dyn FrameSource + Send>, SourceError> {
+    OPENED_COUNT.fetch_add(1, Ordering::Relaxed);
+    STOP.store(true, Ordering::Relaxed);
+    open(uri)
+}
+
+#[test]
+fn an_interrupt_ends_the_first_look_at_all_clips() {
+    let names: Vec<String> = (0..9).map(|n| format!("clip_{n}")).collect();
+    let all: Vec<(&str, &[&str])> = names.iter().map(|name| (name.as_str(), &["left.avi", "right.avi"][..])).collect();
+    let root = folder(&all);
+    let clips = || Clips::open(root.path(), open_and_stop).expect("clips").until(STOP.clone());
+    let protocols: [Box<dyn Protocol>; 2] =
+        [Box::new(Wriggles::new(clips(), world().sensor(), 1)), Box::new(Lifts::new(clips(), world().sensor(), true))];
+    for protocol in protocols {
+        STOP.store(false, Ordering::Relaxed);
+        OPENED_COUNT.store(0, Ordering::Relaxed);
+        let ours = [named("ours").expect("there is one")];
+        let ran = run(&*protocol, &ours, &[0, 1, 2], 2, &|| STOP.load(Ordering::Relaxed), &mut |_| Ok(()));
+        assert!(matches!(ran, Err(SweepError::Interrupted)), "{}: {ran:?}", protocol.name());
+        // Of the first recording: for its rest frame, and to judge it.
+        assert_eq!(OPENED_COUNT.load(Ordering::Relaxed), 2, "{}", protocol.name());
+    }
 }

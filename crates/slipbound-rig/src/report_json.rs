@@ -18,6 +18,7 @@
 
 mod outline;
 
+use crate::printable::without_passwords;
 use crate::unmeasured::markers_after;
 use serde::{Deserialize, Serialize};
 use serde_json::ser::Formatter;
@@ -40,7 +41,8 @@ pub struct Header<'a> {
     pub sensor: &'a Sensor,
     /// All settings.
     pub settings: &'a Settings,
-    /// Where the frames came from, as the user named it.
+    /// Where the frames came from, as the user named it; a password in it is not written.
+    #[serde(serialize_with = "shown")]
     pub source: &'a str,
     /// Whose clock `time_ns` is from.
     pub clock: Clock,
@@ -49,6 +51,10 @@ pub struct Header<'a> {
     /// What a reader should know before trusting the lines.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
+}
+
+fn shown<S: serde::Serializer>(source: &str, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(&without_passwords(source))
 }
 
 /// What the rest frame was made from.
@@ -322,7 +328,7 @@ mod tests {
 
     fn header<'a>(sensor: &'a Sensor, settings: &'a Settings) -> Header<'a> {
         let rest = RestOrigin { kind: RestOriginKind::InContact, frames: Some([0, 6]) };
-        let (source, note) = ("a folder", Some("starts in contact".into()));
+        let (source, note) = ("rtsp://me:secret@cam/gel", Some("starts in contact".into()));
         Header { finger: "left", sensor, settings, source, clock: Clock::Unknown, rest, note }
     }
 
@@ -453,6 +459,7 @@ mod tests {
         assert_eq!(line["software_version"], env!("CARGO_PKG_VERSION"));
         assert_eq!(line["sensor"]["rectification"]["homography"][2][0], -0.00010275817, "not rounded");
         assert_eq!(line["rest"].to_string(), r#"{"frames":[0,6],"kind":"in_contact"}"#);
+        assert_eq!(line["source"], "rtsp://me@cam/gel", "no password");
         assert_eq!((&line["clock"], &line["note"]), (&"unknown".into(), &"starts in contact".into()));
         let (sensor, settings) = (crate::sensors::load("gelslim").expect("built in"), Settings::default());
         assert_eq!(serde_json::from_value::<Sensor>(line["sensor"].clone()).expect("a sensor"), sensor);

@@ -197,9 +197,7 @@ impl SlipMonitor {
         }
         if self.markers.too_few() && self.refusal.is_none() {
             // Too little of the finger is seen: what was known of the contact stays.
-            if due.contact {
-                self.contact.forget_frame();
-            }
+            self.contact.forget_frame(due.contact);
             self.schedule = schedule;
             probe.after(Step::Markers, self);
             let lost = self.unjudged(frame.seq, frame.time_ns, grip, Reason::MarkersLost);
@@ -207,9 +205,7 @@ impl SlipMonitor {
             probe.after(Step::Verdict, self);
             return report;
         }
-        if due.contact {
-            self.contact.confirm_frame();
-        }
+        self.contact.confirm_frame(due.contact);
         self.in_contact_count = slip::mark_contact(&self.contact.region, &mut self.markers.all);
         probe.after(Step::Markers, self);
         if !self.markers.anchored && self.refusal.is_none() {

@@ -265,3 +265,69 @@ fn a_frame_that_shows_nothing_of_the_finger_changes_nothing_that_is_known_of_its
         }
     }
 }
+
+/// The reports of 29 frames: as they are, and with one that shows nothing of the finger or four fifths less of it.
+fn whole_and_spoilt(
+    painter: &Painter,
+    kind: RestKind,
+    spoilt_seq: u64,
+    paint: impl Fn(u64) -> Vec<u8>,
+) -> [Vec<SlipReport>; 3] {
+    [None, Some((0, 255)), Some((5, 120))].map(|spoilt: Option<(usize, u8)>| {
+        let mut builder = RestBuilder::new(&painter.sensor, &Settings::default(), SIZE).expect("valid");
+        builder.add(&frame(&paint(0), SIZE, 0)).expect("bright");
+        let rest = builder.build(kind).expect("markers");
+        let mut monitor = SlipMonitor::new(&painter.sensor, &Settings::default(), rest).expect("valid");
+        (1..30)
+            .map(|seq| {
+                let (mut rgb, spoilt) = (paint(seq), spoilt.filter(|_| seq == spoilt_seq));
+                if let Some((whole_parts, level)) = spoilt {
+                    let from = rgb.len().checked_div(whole_parts).unwrap_or(0);
+                    rgb[from..].fill(level);
+                }
+                let report = monitor.step(&frame(&rgb, SIZE, seq), None);
+                assert_eq!(report.reason == Some(Reason::MarkersLost), spoilt.is_some(), "{report:?}");
+                report
+            })
+            .collect()
+    })
+}
+
+/// A flat face over the whole pad: the image shows no contact, only the markers do. What is covered looks like an imprint.
+#[test]
+fn a_frame_that_shows_nothing_of_the_finger_does_not_end_a_contact_that_only_displacement_shows() {
+    let painter = Painter::new(SIZE, 18.0, 6.0, Skin::Smooth, 0.5, 21);
+    let dragged = |seq: u64| {
+        let shift = Vec2::new(0.2 * seq.saturating_sub(3) as f64, 0.0);
+        let now: Vec<_> = painter.rest.iter().map(|&p| p + shift).collect();
+        painter.paint(&now, None, seq)
+    };
+    let [whole, white, covered] = whole_and_spoilt(&painter, RestKind::Unloaded, 16, dragged);
+    assert!(whole[..2].iter().all(|r| r.state == SlipState::NoContact), "{whole:?}");
+    assert!(whole[12..].iter().all(|r| r.state != SlipState::NoContact && r.contact.area_px2 > 0.0), "{whole:?}");
+    for spoilt in [white, covered] {
+        for (a, b) in whole.iter().zip(&spoilt).filter(|(_, b)| b.seq != 16) {
+            assert_eq!((a.state, a.reference_seq), (b.state, b.reference_seq), "frame {}", a.seq);
+            // The frame after it has the region of the one before.
+            let off_px2 = (a.contact.area_px2 - b.contact.area_px2).abs();
+            assert!(off_px2 <= if b.seq == 17 { 50.0 } else { 0.0 }, "frame {}: {off_px2} px2", b.seq);
+        }
+    }
+}
+
+/// An imprint too faint for a region is known to be held while the image is as in the first frame, which is none that
+/// shows no finger.
+#[test]
+fn a_covered_first_frame_is_not_how_a_held_finger_looked_at_the_start() {
+    let painter = Painter::new(SIZE, 18.0, 6.0, Skin::Smooth, 0.5, 21);
+    let faint = Touch { centre: Vec2::new(160.0, 120.0), radii_px: Vec2::new(55.0, 55.0), strength_levels: 5.0 };
+    let held = |seq: u64| painter.paint(&painter.rest, (seq < 20).then_some(&faint), seq);
+    let [whole, white, covered] = whole_and_spoilt(&painter, RestKind::InContact, 1, held);
+    assert!(whole[..18].iter().all(|r| r.state == SlipState::Unsure), "{whole:?}");
+    assert!(whole[22..].iter().all(|r| r.state == SlipState::NoContact), "{whole:?}");
+    for spoilt in [white, covered] {
+        for (a, b) in whole.iter().zip(&spoilt).filter(|(_, b)| b.seq != 1) {
+            assert_eq!((a.state, a.contact), (b.state, b.contact), "frame {}", a.seq);
+        }
+    }
+}

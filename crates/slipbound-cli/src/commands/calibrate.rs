@@ -6,13 +6,14 @@ pub use args::Calibrate;
 
 use super::recording;
 use crate::outcome::{Failure, Outcome};
-use crate::terminal::Terminal;
+use crate::terminal::{Terminal, quoted};
 use anyhow::anyhow;
 use slipbound::calibrate::{Calibration, FRAMES_MOST, calibrate};
 use slipbound::image::Frame;
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
 use slipbound::sensor::{Flip, Polarity, Sensor, Skin};
 use slipbound_rig::calibration::{self, HangingMass, HangingMassError, MeasuredShear, ShearFileError};
+use slipbound_rig::printable::without_passwords;
 use slipbound_rig::report_summary::{of_other_size, torn};
 use slipbound_rig::sensors;
 use slipbound_rig::source::{ReadAhead, most_common_size};
@@ -182,7 +183,7 @@ impl Calibrate {
         terminal.say(&format!("written: {} and {}", self.output.display(), self.picture().display()))?;
         terminal.say(&format!(
             "next: look at the picture, then slipbound watch RECORDING --sensor {}",
-            self.output.display()
+            quoted(&self.output.display().to_string())
         ))
     }
 
@@ -198,13 +199,14 @@ impl Calibrate {
         }
         let name = self.sensor.as_deref().unwrap_or_default();
         let sensor = sensors::load(name).map_err(Failure::arguments)?;
-        let file_name = Path::new(&self.source).file_name().map(|n| n.to_string_lossy().into_owned());
+        let shown = without_passwords(&self.source);
+        let file_name = Path::new(&*shown).file_name().map(|n| n.to_string_lossy().into_owned());
         let mass = HangingMass {
             mass_g,
             fingers_count: self.fingers,
             held: self.held.clone(),
             hanging: self.hanging.clone(),
-            recording: file_name.unwrap_or_else(|| self.source.clone()),
+            recording: file_name.unwrap_or_else(|| shown.into_owned()),
         };
         let measured = mass.measure(&mut recording::open(&self.source)?, &sensor).map_err(|e| match e {
             HangingMassError::Source(e) => e.into(),

@@ -37,6 +37,7 @@ fn list(cameras: &[CameraNode], lines: &[SerialLine]) -> Vec<String> {
         let name = match &camera.serial {
             Some(_) if has_twin(camera, cameras) => &path,
             Some(serial) => serial,
+            None if has_namesake(camera, cameras) => &path,
             None => &camera.name,
         };
         out.push(format!("  'v4l2:{name}'  {}  {}", camera.described(), camera.formats.join(" ")));
@@ -63,6 +64,12 @@ fn list(cameras: &[CameraNode], lines: &[SerialLine]) -> Vec<String> {
 /// Whether another camera has the same serial number, as all of some cheap modules do.
 fn has_twin(camera: &CameraNode, cameras: &[CameraNode]) -> bool {
     cameras.iter().any(|other| other.serial == camera.serial && other.usb_device != camera.usb_device)
+}
+
+/// Whether the name of a camera also names another, so that it is refused.
+fn has_namesake(camera: &CameraNode, cameras: &[CameraNode]) -> bool {
+    let is_same = |other: &CameraNode| other.usb_device.is_some() && other.usb_device == camera.usb_device;
+    cameras.iter().any(|other| other.name == camera.name && other.path != camera.path && !is_same(other))
 }
 
 fn rules(cameras: &[CameraNode], lines: &[SerialLine]) -> Vec<String> {
@@ -145,6 +152,18 @@ mod tests {
         assert!(lines[3].ends_with("KERNELS==\"1-2\", SYMLINK+=\"finger-28H8_X-1-2\", MODE=\"0666\""), "{lines:?}");
         assert!(lines[5].contains("finger-28H8_X-1-3"), "{lines:?}");
         assert!(list(&[camera.clone(), twin], &[])[2].starts_with("  'v4l2:/dev/video4'  /dev/video4 GelSight Mini"));
+        let named = |cameras: &[CameraNode]| list(cameras, &[])[1..].concat();
+        let bare = |number: u32| CameraNode {
+            path: format!("/dev/video{number}").into(),
+            serial: None,
+            usb_device: Some(format!("/sys/devices/pci0/usb1/1-{number}").into()),
+            ..camera.clone()
+        };
+        assert!(named(&[bare(2)]).starts_with("  'v4l2:GelSight Mini'  /dev/video2"));
+        let both = named(&[bare(2), bare(4)]);
+        assert!(both.contains("'v4l2:/dev/video2'  ") && both.contains("'v4l2:/dev/video4'  "), "{both}");
+        let beside = named(&[bare(4), camera.clone()]);
+        assert!(beside.contains("'v4l2:/dev/video4'  ") && beside.contains("'v4l2:28H8-X'  "), "{beside}");
         assert!(list(&[camera], &[])[1].starts_with("  'v4l2:28H8-X'  /dev/video2 GelSight Mini serial 28H8-X  MJPG"));
         assert!(list(&[], &[]).iter().any(|line| line.contains("none found")));
     }

@@ -16,7 +16,8 @@ use slipbound_lab::eval::shard::Shard;
 use slipbound_lab::eval::{Protocol, Sweep, SweepError, TrialRecord, table};
 use slipbound_lab::rivals::Entry;
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The arguments of `slipbound eval`.
 #[derive(Debug, clap::Args)]
@@ -60,8 +61,8 @@ impl Eval {
             return Err(Failure::Arguments(anyhow!("{name}: expected folders with `merge` only, got {got}")));
         }
         let seed = self.asked.seed.unwrap_or(0);
-        let asked = &self.asked;
-        let protocol = asked.protocol_of(name, seed, asked.trials, asked.refit, asked.changes())?;
+        let (asked, stop) = (&self.asked, Arc::default());
+        let protocol = asked.protocol_of(name, seed, asked.trials, asked.refit, asked.changes(), &stop)?;
         let most = protocol.trials_count();
         if let Some(trials) = self.asked.trials.filter(|&trials| trials > most) {
             return Err(Failure::Arguments(anyhow!("--trials: expected at most the {most} of {name}, got {trials}")));
@@ -71,8 +72,8 @@ impl Eval {
         let names: Vec<&str> = detectors.iter().map(|entry| entry.name).collect();
         let path = self.output.clone().unwrap_or_else(|| format!("eval-{name}").into());
         let mut folder = SweepFolder::open(&path, &sweep, &names, self.asked.shard.unwrap_or(Shard::WHOLE))?;
-        self.judge(&*protocol, &detectors, &mut folder)?;
-        self.finish(&*protocol, &folder)
+        self.judge(&*protocol, &detectors, &mut folder, &stop)?;
+        self.finish(&*protocol, &folder, &stop)
     }
 
     /// Judges the trials that are missing from the folder.
@@ -81,13 +82,14 @@ impl Eval {
         protocol: &dyn Protocol,
         detectors: &[&'static Entry],
         folder: &mut SweepFolder,
+        stop: &Arc<AtomicBool>,
     ) -> Result<(), Failure> {
         let missing = folder.missing();
         if missing.is_empty() {
             return Ok(());
         }
         let jobs = self.asked.jobs();
-        let stop = interruption::listen()?;
+        interruption::listen_with(stop)?;
         let terminal = Terminal::with_bar_of(missing.len() as u64, "trials");
         let mut keep = |records: Vec<TrialRecord>| {
             folder.keep(records)?;
@@ -111,7 +113,7 @@ impl Eval {
             .ok_or_else(|| Failure::Arguments(anyhow!("merge: expected the folders of all shards, got none")))?;
         let protocol = self.protocol_again(&SweepFolder::sweep_of(first)?)?;
         let folder = SweepFolder::merge(&self.folders, &into)?;
-        self.finish(&*protocol, &folder)
+        self.finish(&*protocol, &folder, &AtomicBool::new(false))
     }
 
     /// The protocol of a sweep, from its settings; refuses options and files that contradict them.
@@ -143,8 +145,21 @@ impl Eval {
         if let Some(other) = asked.rate_hz.filter(|asked| Some(*asked) != changes.rate_hz) {
             return refuse(anyhow!("merge --rate-hz: expected that of the sweep or none, got {other}"));
         }
-        let protocol = asked.protocol_of(&sweep.protocol, sweep.seed, Some(sweep.trials_count), refit, changes)?;
-        for (key, now) in protocol.settings() {
+        let protocol = asked.protocol_of(
+            &sweep.protocol,
+            sweep.seed,
+            Some(sweep.trials_count),
+            refit,
+            changes,
+            &Arc::default(),
+        )?;
+        // Tables and pictures are those of this program: another one says something else of the same records.
+        let now = Sweep::new(&*protocol, sweep.seed).map_err(|error| Failure::Work(error.into()))?;
+        if now.software_version != sweep.software_version {
+            let (then, now) = (&sweep.software_version, now.software_version);
+            return refuse(anyhow!("merge: software_version: expected that of the sweep, {then}, got {now}"));
+        }
+        for (key, now) in now.settings {
             if let Some(then) = sweep.settings.get(&key).filter(|then| **then != now) {
                 return refuse(anyhow!("merge: {key}: expected that of the sweep, {then}, got {now}"));
             }
@@ -153,7 +168,7 @@ impl Eval {
     }
 
     /// Writes tables and page, and prints the first table.
-    fn finish(&self, protocol: &dyn Protocol, folder: &SweepFolder) -> Result<Outcome, Failure> {
+    fn finish(&self, protocol: &dyn Protocol, folder: &SweepFolder, stop: &AtomicBool) -> Result<Outcome, Failure> {
         refuse_unjudged(protocol, folder.records())?;
         let tables = protocol.tables(folder.records());
         let (sweep, shard) = (folder.sweep(), folder.shard());
@@ -161,7 +176,7 @@ impl Eval {
         let json = json.map_err(|error| Failure::work("table.json", error))?;
         folder.write("table.md", table::markdown(sweep, shard, &tables).as_bytes())?;
         folder.write("table.json", (json + "\n").as_bytes())?;
-        let pictures = pictures::of_worst(protocol, folder.records(), self.pictures)?;
+        let pictures = pictures::of_worst(protocol, folder.records(), self.pictures, stop)?;
         let page = page::of(sweep, folder.records(), &tables, pictures, self.pictures);
         folder.write("report.html", page.to_string().as_bytes())?;
         let mut terminal = Terminal::plain();

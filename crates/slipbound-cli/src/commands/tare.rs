@@ -5,12 +5,13 @@ use super::rest_window::{Window, advice_where_touched};
 use super::watch::StallDetector;
 use super::{finger, inputs, recording};
 use crate::outcome::{Failure, Outcome};
-use crate::terminal::Terminal;
+use crate::terminal::{Terminal, quoted};
 use anyhow::anyhow;
 use slipbound::finger_pipeline::FoundRest;
 use slipbound::monitor::{RestBuilder, Settings, SlipMonitor};
 use slipbound::sensor::Sensor;
 use slipbound_rig::link::now_ns;
+use slipbound_rig::printable::without_passwords;
 use slipbound_rig::report_summary::frame_name;
 use slipbound_rig::rest_file::{MadeOf, SavedRest};
 use slipbound_rig::{config, file_origin, sensors, source};
@@ -77,7 +78,7 @@ impl Tare {
         let frames = if averaged == 1 { format!("frame {}", seqs.start) } else { frames };
         let markers_count = rest.markers_count();
         let made_of = MadeOf {
-            source: self.source.clone(),
+            source: without_passwords(&self.source).into_owned(),
             frames: [seqs.start, seqs.end],
             noise_px: noise.as_ref().map(|(median_px, _)| *median_px),
             sensor,
@@ -95,7 +96,8 @@ impl Tare {
             None => "noise unknown: it takes three frames, 20 are better".into(),
         })?;
         terminal.say(&format!("written: {}", self.output.display()))?;
-        terminal.say(&format!("next: slipbound watch {source} --rest {}", self.output.display()))?;
+        let (source, rest) = (quoted(source), self.output.display().to_string());
+        terminal.say(&format!("next: slipbound watch {source} --rest {}", quoted(&rest)))?;
         Ok(if window.torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
     }
 

@@ -75,7 +75,7 @@ impl Trials {
         trials::TABLE_HEAD.iter().try_for_each(|line| terminal.say(line))?;
         for (cell, runs) in cells.iter().zip(&scores) {
             terminal.say(&trials::row(cell, runs))?;
-            for (scene, run) in cell.scenes().iter().zip(runs).filter(|_| self.each) {
+            for (scene, run) in cell.scenes().zip(runs).filter(|_| self.each) {
                 terminal.say(&format!("    {scene}: {}", trials::line(run)))?;
             }
         }

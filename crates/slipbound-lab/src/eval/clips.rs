@@ -15,6 +15,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Why a folder of clips cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -77,6 +79,8 @@ pub struct Clips {
     pub labels: BTreeMap<String, Label>,
     /// The number of clips, and a digest of their names, the names and sizes of their files, and their labels.
     pub contents: String,
+    /// Raised where no further recording is to be watched.
+    stop: Arc<AtomicBool>,
 }
 
 impl Clips {
@@ -109,7 +113,13 @@ impl Clips {
             false => BTreeMap::new(),
         };
         let contents = contents(folder, &names, &labels)?;
-        Ok(Clips { folder: folder.to_owned(), open, names, labels, contents })
+        Ok(Clips { folder: folder.to_owned(), open, names, labels, contents, stop: Arc::default() })
+    }
+
+    /// The same until `stop` is raised: a protocol that watches all clips for its first trial watches no further one.
+    #[must_use]
+    pub fn until(self, stop: Arc<AtomicBool>) -> Self {
+        Clips { stop, ..self }
     }
 
     /// Folder of a clip.
@@ -120,7 +130,7 @@ impl Clips {
     /// Runs detectors on a recording, in the order of `entries`; the results by detector, then by frame; none for a
     /// detector whose monitor cannot be created for the recording. [`EvalError::Unjudged`] where the recording has no
     /// frames or cannot be decoded, or where no frame could be judged by the monitor that all but the paper's own method
-    /// share, or by that method's if it is asked alone.
+    /// share, or by that method's if it is asked alone. Another error once it is stopped: see [`Clips::until`].
     pub fn watch(
         &self,
         path: &Path,
@@ -128,6 +138,9 @@ impl Clips {
         rest_from: RestFrom,
         entries: &[&'static Entry],
     ) -> Result<Vec<Vec<Seen>>, EvalError> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(EvalError::other("interrupted"));
+        }
         watch(self.open, path, sensor, rest_from, entries)
     }
 

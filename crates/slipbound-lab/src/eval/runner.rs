@@ -27,7 +27,9 @@ pub fn run(
                 while !stop() && !failed.load(Ordering::Relaxed) {
                     let place = next.fetch_add(1, Ordering::Relaxed);
                     let Some(&number) = numbers.get(place) else { return };
-                    if sender.send((place, protocol.judge(number, detectors))).is_err() {
+                    let judged = protocol.judge(number, detectors);
+                    // A trial that was broken off has not failed.
+                    if (judged.is_err() && stop()) || sender.send((place, judged)).is_err() {
                         return;
                     }
                 }

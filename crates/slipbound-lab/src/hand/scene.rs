@@ -223,6 +223,11 @@ impl HandScene {
         self.seed
     }
 
+    /// The same with another seed, one that [`HandScene::parse`] takes.
+    pub(crate) fn with_seed(&self, seed: u64) -> Self {
+        HandScene { seed, ..self.clone() }
+    }
+
     /// The friction coefficient: the value set, or the object's. That of the left pad if the pads differ.
     pub fn mu(&self) -> f64 {
         self.number("mu").unwrap_or_else(|| self.object().mu)

@@ -1,5 +1,6 @@
 //! The description of a run, and the table of its results.
 
+use crate::printable::without_passwords;
 use crate::rest_file::SavedRest;
 use serde::{Deserialize, Serialize};
 use slipbound::finger_pipeline::FingerPipeline;
@@ -105,7 +106,7 @@ impl RunInfo {
         table.insert("name".into(), self.name.clone().into());
         table.insert("task".into(), self.task.name().into());
         table.insert("controller".into(), self.task_settings.controller.name().into());
-        table.insert("source".into(), self.source.clone().into());
+        table.insert("source".into(), without_passwords(&self.source).into_owned().into());
         table.insert("seed".into(), seed);
         table.insert("fingers".into(), fingers.into());
         table.insert("settings".into(), settings.into());

@@ -1,6 +1,7 @@
 //! Texts on a run, its end and its commands, shared by terminal and page.
 
 use super::info::RunInfo;
+use crate::printable::without_passwords;
 use slipbound::control::Cycle;
 use slipbound::port::GripCommand;
 use slipbound::task::{Ending, Phase};
@@ -12,7 +13,7 @@ impl RunInfo {
     /// The source in a line: for a scene the settings that distinguish runs; hardware and recordings as they were
     /// named.
     pub fn source_in_words(&self) -> String {
-        source_in_words(&self.source, self.seed)
+        source_in_words(&without_passwords(&self.source), self.seed)
     }
 }
 

@@ -14,6 +14,7 @@ use super::Error;
 use super::camera::{Camera, CameraTally};
 use super::ffmpeg::{EVERY_FRAME_ONCE, Pictures, Running, is_older, read_ppm};
 use crate::link::now_ns;
+use crate::printable::without_passwords;
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
 use std::io::{self, ErrorKind};
 use std::sync::Arc;
@@ -79,9 +80,10 @@ struct Started {
 impl FfmpegLive {
     /// Starts the program. Whether the stream is there shows with its first frame.
     pub fn open(uri: &str) -> Result<Camera, Error> {
+        let shown = without_passwords(uri).into_owned();
         let started = Started::new(uri, 0).map_err(|source| match source.kind() {
-            ErrorKind::NotFound => Error::FfmpegMissing { path: uri.into(), codec: "a stream".into() },
-            _ => Error::FfmpegStart { path: uri.into(), source },
+            ErrorKind::NotFound => Error::FfmpegMissing { path: shown.as_str().into(), codec: "a stream".into() },
+            _ => Error::FfmpegStart { path: shown.as_str().into(), source },
         })?;
         let tally = Arc::new(CameraTally::default());
         let source = FfmpegLive {
@@ -93,7 +95,7 @@ impl FfmpegLive {
             seq: 0,
             tally: tally.clone(),
         };
-        let facts = vec![("stream".into(), uri.into()), ("format".into(), "whatever ffmpeg reads".into())];
+        let facts = vec![("stream".into(), shown), ("format".into(), "whatever ffmpeg reads".into())];
         Ok(Camera { source: Box::new(source), facts, tally })
     }
 
@@ -123,7 +125,8 @@ impl FfmpegLive {
             return Ok(Next::Silent);
         }
         let stderr = if stderr.is_empty() { "nothing".into() } else { stderr };
-        Err(Error::Ffmpeg { path: self.uri.as_str().into(), got, stderr }.into())
+        let stderr = without_passwords(&stderr).into_owned(); // the program tells the whole address
+        Err(Error::Ffmpeg { path: without_passwords(&self.uri).as_ref().into(), got, stderr }.into())
     }
 }
 

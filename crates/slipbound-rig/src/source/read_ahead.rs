@@ -1,5 +1,6 @@
 //! A recording whose first frames are inspected before they are judged: frames read ahead are given again.
 
+use crate::printable::without_passwords;
 use slipbound::image::SizePx;
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError, SourceErrorKind};
 use std::collections::VecDeque;
@@ -44,7 +45,7 @@ impl ReadAhead {
     /// The same for a source that does not end by itself: it fails when it gives nothing but torn frames for 5 s by
     /// this clock, ns, while it is read ahead. `uri`: its name in messages.
     pub fn live(source: Box<dyn FrameSource + Send>, uri: &str, now_ns: impl Fn() -> u64 + Send + 'static) -> Self {
-        let live = Live { uri: uri.to_owned(), now_ns: Box::new(now_ns) };
+        let live = Live { uri: without_passwords(uri).into_owned(), now_ns: Box::new(now_ns) };
         ReadAhead { live: Some(live), ..ReadAhead::new(source) }
     }
 

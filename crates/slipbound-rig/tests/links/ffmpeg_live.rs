@@ -184,7 +184,8 @@ fn an_address_without_a_server_is_an_error_in_ffmpegs_words() {
         return;
     }
     let port = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr()).expect("a port").port();
-    let mut camera = source::open_camera(&format!("rtsp://127.0.0.1:{port}/gel")).expect("opens");
+    let mut camera = source::open_camera(&format!("rtsp://me:secret@127.0.0.1:{port}/gel")).expect("opens");
+    assert_eq!(camera.facts[0].1, format!("rtsp://me@127.0.0.1:{port}/gel"));
     let (began, mut frame) = (Instant::now(), FrameBuffer::default());
     let error = loop {
         assert!(began.elapsed() < LONGEST, "no error");
@@ -193,4 +194,5 @@ fn an_address_without_a_server_is_an_error_in_ffmpegs_words() {
         }
     };
     assert!(error.contains(&port.to_string()) && error.contains("refused"), "{error}");
+    assert!(error.contains("rtsp://me@127") && !error.contains("secret"), "no password: {error}");
 }

@@ -7,6 +7,15 @@ use slipbound::port::{GripCommand, WristMotion};
 use slipbound_rig::run::{self, RunFolder};
 use std::fs;
 
+#[test]
+fn a_password_in_the_address_of_a_camera_is_not_kept() {
+    let info = run::RunInfo { source: "rtsp://me:secret@left/gel, rtsp://me:secret@right/gel".into(), ..screw::info() };
+    let told = "rtsp://me@left/gel, rtsp://me@right/gel";
+    assert_eq!(info.source_in_words(), told);
+    let text = info.to_toml().expect("TOML");
+    assert!(text.contains(told) && !text.contains("secret"), "{text}");
+}
+
 fn bits(cycle: &Cycle) -> String {
     // Debug prints the shortest digits that name a number: two texts are the same only for the same bits, NaN apart.
     format!("{cycle:?}")

@@ -126,6 +126,8 @@ pub(super) struct Contact {
     pub(super) state: ContactState,
     /// Both as they were before the last frame.
     before: (Mask, ContactState),
+    /// Whether the markers are those of a frame that shows the finger.
+    knows_markers: bool,
 }
 
 impl Contact {
@@ -163,6 +165,7 @@ impl Contact {
             region: Mask::new(size),
             state,
             before: (Mask::new(size), state),
+            knows_markers: true,
         }
     }
 
@@ -170,6 +173,9 @@ impl Contact {
     pub(super) fn find(&mut self, imprint: &Imprint, markers: &[Marker], time_ns: Option<u64>, duplicate: bool) {
         std::mem::swap(&mut self.region, &mut self.before.0);
         self.before.1 = self.state;
+        if let Some(displaced) = &mut self.displaced {
+            displaced.begin_frame();
+        }
         let ContactSettings { on_area_fraction, off_area_fraction, .. } = self.settings;
         let changed = self.measure(imprint, markers);
         let share = self.share(changed.area_px2);
@@ -198,18 +204,33 @@ impl Contact {
     }
 
     /// Confirms the last frame, which shows the finger: where a contact since the rest frame has ended in it, a weave
-    /// looks as it does when it is free.
-    pub(super) fn confirm_frame(&mut self) {
+    /// looks as it does when it is free. `is_new`: whether the region was found in it.
+    pub(super) fn confirm_frame(&mut self, is_new: bool) {
+        self.knows_markers = true;
+        if !is_new {
+            return;
+        }
         let ends_start = self.before.1.untouched == Untouched::Unseen && self.state.untouched == Untouched::Now;
         if let (true, RegionFinder::Texture(texture)) = (ends_start, &mut self.finder) {
             texture.end_start();
         }
     }
 
-    /// Returns to the contact as it was before the last frame, which turned out to show no finger.
-    pub(super) fn forget_frame(&mut self) {
+    /// Returns to the contact as it was before the last frame, which turned out to show no finger. `is_new`: whether the
+    /// region was found in it.
+    pub(super) fn forget_frame(&mut self, is_new: bool) {
+        self.knows_markers = false;
+        if !is_new {
+            return;
+        }
         std::mem::swap(&mut self.region, &mut self.before.0);
         self.state = self.before.1;
+        if let Some(displaced) = &mut self.displaced {
+            displaced.forget_frame();
+        }
+        if let RegionFinder::Shading(shading) = &mut self.finder {
+            shading.forget_frame();
+        }
     }
 
     /// Measures region, area and strength in the image alone.
@@ -243,6 +264,10 @@ impl Contact {
         let Some(displaced) = &mut self.displaced else { return };
         if seen {
             displaced.reset_baseline(markers);
+        } else if self.before.1.by_displacement && !self.knows_markers {
+            // What they showed before stays until they are seen again.
+            self.region.copy_from(&self.before.0);
+            (self.state.strength, self.state.area_px2) = (self.before.1.strength, self.before.1.area_px2);
         } else if self.state.untouched == Untouched::AtRest {
             self.state.strength = displaced.find(markers, &mut self.region);
             self.state.area_px2 = self.region.area_px2();

@@ -4,6 +4,7 @@ use crate::outcome::Failure;
 use anyhow::anyhow;
 use slipbound::calibrate::KnownFacts;
 use slipbound::sensor::{Flip, Polarity, Sensor, Skin};
+use slipbound_rig::printable::without_passwords;
 use slipbound_rig::sensors;
 use slipbound_rig::source::image_files;
 use std::fs;
@@ -105,10 +106,11 @@ impl Calibrate {
     /// What the user says about the finger.
     pub(super) fn known(&self) -> KnownFacts {
         let stem = self.output.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        let source = Path::new(&self.source).file_name().map(|s| s.to_string_lossy().into_owned());
+        let shown = without_passwords(&self.source);
+        let source = Path::new(&*shown).file_name().map(|s| s.to_string_lossy().into_owned());
         KnownFacts {
             name: self.name.clone().unwrap_or(stem),
-            description: format!("Calibrated from {}.", source.unwrap_or_else(|| self.source.clone())),
+            description: format!("Calibrated from {}.", source.unwrap_or_else(|| shown.into_owned())),
             serial: self.serial.clone(),
             pitch_mm: self.pitch_mm,
             flip: match self.flip {

@@ -68,6 +68,10 @@ impl Hand {
         }
         self.set.iter().for_each(|setting| text = format!("{text}&{setting}"));
         let scene = HandScene::parse(&text).map_err(Failure::arguments)?;
+        if scene.faults().is_some() {
+            let expected = "expected with `demo` and `trials` only: these cameras send every frame as it is";
+            return Err(Failure::Arguments(anyhow!("--set fault: {expected}")));
+        }
         let hand = SimHand::new(&scene).map_err(Failure::arguments)?;
         let bind = || TcpListener::bind((self.listen, 0)).context("cannot listen");
         let (gripper_port, wrist_port) = (bind()?, bind()?);

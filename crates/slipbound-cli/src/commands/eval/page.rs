@@ -3,7 +3,7 @@
 use super::pictures::{self, Failed};
 use slipbound_lab::eval::coverage;
 use slipbound_lab::eval::outcome::{FALSE_BELOW_FRACTION, Outcome, SCORE_BELOW, never_slides};
-use slipbound_lab::eval::{Sweep, Table, TrialRecord, auc, roc};
+use slipbound_lab::eval::{Cell, Estimated, Sweep, Table, TrialRecord, auc, roc};
 use slipbound_lab::rivals::DETECTORS;
 use slipbound_rig::html_page::{Chart, Draw, Figure, HtmlPage, Part, Range, Series};
 
@@ -62,6 +62,7 @@ pub fn of(
 /// The failures of ours by name, where there are no pictures of them.
 fn failures(protocol: &str, records: &[TrialRecord], pictures_most: usize) -> Vec<Part> {
     let failed = match pictures::all(records) {
+        None if records.is_empty() => return vec![Part::Text("No trials.".into())],
         None => return vec![Part::Text("Not judged: `ours` is not among the detectors.".into())],
         Some(none) if none.is_empty() => return vec![Part::Text("None.".into())],
         Some(failed) => failed,
@@ -229,9 +230,10 @@ fn cumulative(
 /// A table; a sentence instead of its column of coverages where all of them are 100 %. A rival has none.
 pub fn table_parts(table: &Table) -> Vec<Part> {
     let (mut columns, mut rows) = (table.columns.clone(), table.shown());
-    let is_whole = |row: &Vec<String>, place: usize| row[place].starts_with("100.0 ") || row[place] == "-";
+    // Not by its text, which rounds 99.96 % up.
+    let is_whole = |cell: &Cell| matches!(cell, Cell::None | Cell::Share(Estimated { value: Some(1.0) | None, .. }));
     let place = columns.iter().position(|column| column == "coverage %");
-    let Some(place) = place.filter(|place| rows.iter().all(|row| is_whole(row, *place))) else {
+    let Some(place) = place.filter(|place| table.rows.iter().all(|row| is_whole(&row[*place]))) else {
         return vec![Part::Table(columns, rows)];
     };
     columns.remove(place);
@@ -244,7 +246,6 @@ pub fn table_parts(table: &Table) -> Vec<Part> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use slipbound_lab::eval::Cell;
 
     /// The part of the page about failures, as text.
     fn failures_of(records: &[TrialRecord], pictures_most: usize) -> String {
@@ -283,7 +284,7 @@ mod tests {
         let unlabelled = [TrialRecord { truth: None, ..record("cup_1", true, true) }];
         assert!(failures_of(&unlabelled, 6).contains("None."));
         let rival = [TrialRecord { detector: "paper".into(), ..record("cup_1", true, false) }];
-        assert!(failures_of(&rival, 6).contains("Not judged"));
+        assert!(failures_of(&rival, 6).contains("Not judged") && failures_of(&[], 6).contains("No trials."));
     }
 
     #[test]
@@ -382,16 +383,16 @@ mod tests {
 
     #[test]
     fn coverage_is_left_out_where_it_is_whole_everywhere() {
-        let share = |count| Cell::Share(slipbound_lab::eval::share(count, 10));
+        let of = |count| Cell::Share(slipbound_lab::eval::share(count, 2500));
         let parts = |coverages: [Cell; 2]| {
             let mut table = Table::new("", "", &["detector", "coverage %", "AUC"]);
             table.rows.extend(coverages.map(|coverage| vec!["one".into(), coverage, Cell::Count(1)]));
             table_parts(&table)
         };
-        assert!(matches!(&parts([share(10), share(9)])[..], [Part::Table(columns, _)] if columns.len() == 3));
-        for (paper, told) in [(share(10), "100 % in every row."), (Cell::None, "where there is one; rivals have none.")]
+        assert!(matches!(&parts([of(2500), of(2499)])[..], [Part::Table(columns, _)] if columns.len() == 3));
+        for (paper, told) in [(of(2500), "100 % in every row."), (Cell::None, "where there is one; rivals have none.")]
         {
-            let [Part::Table(columns, _), Part::Text(said)] = &parts([share(10), paper])[..] else { panic!("{told}") };
+            let [Part::Table(columns, _), Part::Text(said)] = &parts([of(2500), paper])[..] else { panic!("{told}") };
             assert!(columns.len() == 2 && said.ends_with(told), "{said}");
         }
     }

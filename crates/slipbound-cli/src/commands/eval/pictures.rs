@@ -4,10 +4,11 @@ use crate::outcome::Failure;
 use slipbound::monitor::{SlipMonitor, SlipReport};
 use slipbound::port::FrameBuffer;
 use slipbound_lab::eval::outcome::{Outcome, never_slides};
-use slipbound_lab::eval::{Protocol, TrialRecord};
+use slipbound_lab::eval::{Protocol, SweepError, TrialRecord};
 use slipbound_lab::rivals::named;
 use slipbound_rig::html_page::{Figure, FigureError};
 use slipbound_rig::overlay::Overlay;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The detector whose failures are shown.
 const SHOWN: &str = "ours";
@@ -54,12 +55,20 @@ pub fn all(records: &[TrialRecord]) -> Option<Vec<Failed<'_>>> {
     Some(worst)
 }
 
-/// Images of the worst failures, the worst first; as many as can be shown.
-pub fn of_worst(protocol: &dyn Protocol, records: &[TrialRecord], most: usize) -> Result<Vec<Figure>, Failure> {
+/// Images of the worst failures, the worst first; as many as can be shown. `stop` leaves the others.
+pub fn of_worst(
+    protocol: &dyn Protocol,
+    records: &[TrialRecord],
+    most: usize,
+    stop: &AtomicBool,
+) -> Result<Vec<Figure>, Failure> {
     let (Ok(entry), Some(worst)) = (named(SHOWN), all(records)) else { return Ok(Vec::new()) };
     let mut figures = Vec::new();
     let with_frame = worst.iter().filter_map(|failed| Some((failed, failed.frame?)));
     for (failed, shown_frame) in with_frame.take(most) {
+        if stop.load(Ordering::Relaxed) {
+            return Err(Failure::Work(SweepError::Interrupted.into()));
+        }
         let mut figure: Option<Result<Figure, FigureError>> = None;
         let mut look = |frame: &FrameBuffer, report: &SlipReport, monitor: &SlipMonitor| {
             if frame.seq != shown_frame || figure.is_some() {
@@ -81,4 +90,62 @@ pub fn of_worst(protocol: &dyn Protocol, records: &[TrialRecord], most: usize) -
         }
     }
     Ok(figures)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use slipbound_lab::eval::watch::Onlooker;
+    use slipbound_lab::eval::{EvalError, Table};
+    use slipbound_lab::rivals::Entry;
+    use std::sync::atomic::AtomicUsize;
+
+    /// Counts the trials that are run again; in the second the user asks for the end.
+    #[derive(Default)]
+    struct Counted {
+        shown_count: AtomicUsize,
+        stop: AtomicBool,
+    }
+
+    impl Protocol for Counted {
+        fn name(&self) -> &'static str {
+            "counted"
+        }
+
+        fn trials_count(&self) -> u64 {
+            9
+        }
+
+        fn judge(&self, _: u64, _: &[&'static Entry]) -> Result<Vec<TrialRecord>, EvalError> {
+            Ok(Vec::new())
+        }
+
+        fn tables(&self, _: &[TrialRecord]) -> Vec<Table> {
+            Vec::new()
+        }
+
+        fn show(&self, _: u64, _: &'static Entry, _: &mut Onlooker<'_>) -> Result<(), EvalError> {
+            self.stop.fetch_or(self.shown_count.fetch_add(1, Ordering::Relaxed) == 1, Ordering::Relaxed);
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn after_an_interrupt_no_further_picture_is_drawn() {
+        let record = |number| TrialRecord {
+            number,
+            trial: "t".into(),
+            object: "cup".into(),
+            detector: SHOWN.into(),
+            truth: Some(false),
+            verdict: true,
+            score: 2.0,
+            first_alarm_frame: Some(7),
+            more: Default::default(),
+        };
+        let (records, protocol) = ((0..9).map(record).collect::<Vec<_>>(), Counted::default());
+        let drawn = of_worst(&protocol, &records, 6, &protocol.stop);
+        assert!(matches!(drawn, Err(Failure::Work(error)) if error.to_string().starts_with("interrupted")));
+        assert_eq!(protocol.shown_count.load(Ordering::Relaxed), 2);
+    }
 }

@@ -17,6 +17,8 @@ use slipbound_lab::rivals::{DETECTORS, Entry, named};
 use slipbound_rig::{sensors, source};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// In place of a protocol: joins folders.
 pub(super) const MERGE: &str = "merge";
@@ -122,7 +124,8 @@ impl ProtocolArgs {
         RampChanges { ramp_s: self.ramp_s, rate_hz: self.rate_hz }
     }
 
-    /// A protocol with these options, which may be that of a sweep instead of the one that was asked for.
+    /// A protocol with these options, which may be that of a sweep instead of the one that was asked for. `stop` ends the
+    /// first look at all clips.
     pub(super) fn protocol_of(
         &self,
         name: &str,
@@ -130,6 +133,7 @@ impl ProtocolArgs {
         trials: Option<u64>,
         refit: bool,
         changes: RampChanges,
+        stop: &Arc<AtomicBool>,
     ) -> Result<Box<dyn Protocol>, Failure> {
         for (option, is_given, of) in [
             ("--refit", self.refit, &[Lifts::NAME][..]),
@@ -141,9 +145,12 @@ impl ProtocolArgs {
             refuse_elsewhere(option, is_given, of, name)?;
         }
         match name {
-            Lifts::NAME => Ok(Box::new(Lifts::new(self.clips("gelsight-lift")?, finger("gelsight")?, refit))),
+            Lifts::NAME => {
+                let clips = self.clips("gelsight-lift")?.until(stop.clone());
+                Ok(Box::new(Lifts::new(clips, finger("gelsight")?, refit)))
+            }
             Wriggles::NAME => {
-                let clips = self.clips("gelsight-mini-wriggle")?;
+                let clips = self.clips("gelsight-mini-wriggle")?.until(stop.clone());
                 Ok(Box::new(Wriggles::new(clips, finger("gelsight_mini_near")?, self.jobs())))
             }
             Ramps::NAME => {

@@ -8,6 +8,7 @@ use crate::outcome::{Failure, Outcome};
 use crate::terminal::{Terminal, in_words};
 use anyhow::anyhow;
 use slipbound::monitor::SlipState;
+use slipbound_rig::printable::without_passwords;
 use slipbound_rig::source;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -120,6 +121,7 @@ fn names(sources: &[String]) -> Vec<String> {
 }
 
 fn name_of(source: &str) -> String {
+    let source = &*without_passwords(source);
     let scene = source.strip_prefix("sim:").map(|scene| scene.split('?').next().unwrap_or(scene));
     let path = Path::new(scene.unwrap_or(source));
     let is_pattern = |name: &str| name.contains(['*', '?', '[', '%']);
@@ -151,9 +153,10 @@ mod tests {
 
     #[test]
     fn recordings_are_told_apart_and_outputs_carry_their_names() {
-        let sources = ["a/run.avi", "b/run.avi", "clips/07/*.png", "sim:ramp?seed=3", "odd name.mp4"];
+        let sources =
+            ["a/run.avi", "b/run.avi", "clips/07/*.png", "sim:ramp?seed=3", "odd name.mp4", "rtsp://me:secret@cam"];
         let names = names(&sources.map(str::to_owned));
-        assert_eq!(names, ["run", "run-2", "07", "ramp", "odd_name"]);
+        assert_eq!(names, ["run", "run-2", "07", "ramp", "odd_name", "me_cam"]);
         assert_eq!(with_name(Path::new("out/all.csv"), "run-2"), Path::new("out/all-run-2.csv"));
         assert_eq!(with_name(Path::new("pictures"), "run"), Path::new("pictures/run"));
     }

@@ -18,6 +18,7 @@ use super::{PICTURES_MOST, head_of_page};
 use crate::html_page::markup::{Escaped, base64};
 use crate::html_page::picture;
 use crate::overlay::{FrameCopy, Overlay};
+use crate::printable::without_passwords;
 use crate::report_summary::{ReportSummary, state_name};
 use crate::run::thinned::Thinned;
 use slipbound::events::SlipEvent;
@@ -117,7 +118,7 @@ impl RecordingPage {
         let settings = table(toml::to_string_pretty(monitor.settings()));
         let below = below.map_or_else(String::new, |below| format!("; {below}"));
         RecordingPage {
-            source: source.to_owned(),
+            source: without_passwords(source).into_owned(),
             below: format!("{finger}: sensor {}{below}", sensor.name),
             settings: format!("{settings}\n# the finger\n{}", table(toml::to_string_pretty(sensor))),
             pitch: (sensor.pitch_px, sensor.pitch_mm),

@@ -32,21 +32,29 @@ const LEFT_FRACTION: f64 = 0.1;
 /// Radius of the disc around a marker in contact, pitches: discs of neighbours on either lattice leave no gap.
 const RADIUS_PITCH: f64 = 0.75;
 
+/// What a frame changes, besides scratch.
+#[derive(Debug, Clone)]
+struct Baseline {
+    /// Displacement from rest that does not indicate contact: the shortest since the last contact.
+    slack_px: Vec<Vec2>,
+    /// Whether this rule detects contact, and the longest displacement since it began.
+    touches: bool,
+    longest_px: f64,
+}
+
 /// Finds contact from displacement; owns all scratch.
 #[derive(Debug, Clone)]
 pub(super) struct DisplacedContact {
     /// The neighbours at the sides of each marker.
     neighbours: Vec<[Option<u32>; NEIGHBOURS_COUNT]>,
-    /// Displacement from rest that does not indicate contact: the shortest since the last contact.
-    slack_px: Vec<Vec2>,
-    /// Displacement beyond that, zero where it is rejected.
+    now: Baseline,
+    /// As it was before the last frame.
+    before: Baseline,
+    /// Displacement beyond the slack, zero where it is rejected.
     moved_px: Vec<Vec2>,
     components: Components,
     radius_px: f64,
     begins_px: f64,
-    /// Whether this rule detects contact, and the longest displacement since it began.
-    touches: bool,
-    longest_px: f64,
 }
 
 impl DisplacedContact {
@@ -61,22 +69,34 @@ impl DisplacedContact {
             let mut near = (0..rest_px.len()).filter(near).map(|j| j as u32);
             std::array::from_fn(|_| near.next())
         });
+        let baseline = Baseline { slack_px: vec![Vec2::ZERO; rest_px.len()], touches: false, longest_px: 0.0 };
         Some(DisplacedContact {
             neighbours: neighbours.collect(),
-            slack_px: vec![Vec2::ZERO; rest_px.len()],
+            now: baseline.clone(),
+            before: baseline,
             moved_px: vec![Vec2::ZERO; rest_px.len()],
             components: Components::new(sensor.rectified_px()),
             radius_px: RADIUS_PITCH * sensor.pitch_px,
             begins_px: begins_pitch * sensor.pitch_px,
-            touches: false,
-            longest_px: 0.0,
         })
+    }
+
+    /// Call it before a frame that may have to be forgotten.
+    pub fn begin_frame(&mut self) {
+        let Baseline { slack_px, touches, longest_px } = &self.now;
+        self.before.slack_px.copy_from_slice(slack_px);
+        (self.before.touches, self.before.longest_px) = (*touches, *longest_px);
+    }
+
+    /// Returns to what was known before that frame.
+    pub fn forget_frame(&mut self) {
+        std::mem::swap(&mut self.now, &mut self.before);
     }
 
     /// Call it while the image shows a contact: after it, displacement counts from the last positions.
     pub fn reset_baseline(&mut self, markers: &[Marker]) {
-        self.slack_px.iter_mut().zip(markers).for_each(|(slack, m)| *slack = m.now_from_rest());
-        (self.touches, self.longest_px) = (false, 0.0);
+        self.now.slack_px.iter_mut().zip(markers).for_each(|(slack, m)| *slack = m.now_from_rest());
+        (self.now.touches, self.now.longest_px) = (false, 0.0);
     }
 
     /// Writes the region, empty where nothing is displaced; returns the strength: 0 at the displacement that counts as
@@ -84,16 +104,16 @@ impl DisplacedContact {
     pub fn find(&mut self, markers: &[Marker], region: &mut Mask) -> f64 {
         region.clear();
         // The displacement left by the last contact only shrinks: a gel that springs back is not dragged.
-        for (slack, m) in self.slack_px.iter_mut().zip(markers) {
+        for (slack, m) in self.now.slack_px.iter_mut().zip(markers) {
             let now = m.now_from_rest();
             *slack = if now.length_squared() < slack.length_squared() { now } else { *slack };
         }
         let longest_px = self.measure(markers);
-        self.longest_px = self.longest_px.max(longest_px);
-        let left_px = (self.begins_px / 2.0).max(LEFT_FRACTION * self.longest_px);
-        self.touches = longest_px >= if self.touches { left_px } else { self.begins_px };
-        if !self.touches {
-            self.longest_px = 0.0;
+        self.now.longest_px = self.now.longest_px.max(longest_px);
+        let left_px = (self.begins_px / 2.0).max(LEFT_FRACTION * self.now.longest_px);
+        self.now.touches = longest_px >= if self.now.touches { left_px } else { self.begins_px };
+        if !self.now.touches {
+            self.now.longest_px = 0.0;
             return 0.0;
         }
         let least_px = REGION_FRACTION * longest_px;
@@ -111,7 +131,7 @@ impl DisplacedContact {
     fn measure(&mut self, markers: &[Marker]) -> f64 {
         let moved = |i: usize| {
             let m = &markers[i];
-            (m.matched && m.whole).then(|| m.now_from_rest() - self.slack_px[i])
+            (m.matched && m.whole).then(|| m.now_from_rest() - self.now.slack_px[i])
         };
         let mut longest_px = 0.0f64;
         for (i, neighbours) in self.neighbours.iter().enumerate() {

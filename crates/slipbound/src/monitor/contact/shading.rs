@@ -39,8 +39,9 @@ pub(crate) struct ShadingContact {
     map: CellMap,
     rest: Vec<[f32; 3]>,
     rest_covered: Vec<bool>,
-    /// The smoothed change of the first frame, where it was kept.
+    /// The smoothed change of the first frame, where it was kept, and whether that is the last frame.
     start: Vec<Weighted>,
+    starts_now: bool,
     covered: Vec<bool>,
     cover_radius_px: f64,
     least_cells: usize,
@@ -80,6 +81,7 @@ impl ShadingContact {
             rest: rest.to_vec(),
             rest_covered: rest_covered.to_vec(),
             start: Vec::with_capacity(count),
+            starts_now: false,
             covered: vec![false; count],
             cover_radius_px: cover_radius_px(sensor),
             disc: Disc::new(map.columns, count, (close_pitch * sensor.pitch_px / 2.0 / cell_px).round() as usize),
@@ -111,6 +113,7 @@ impl ShadingContact {
         change_fraction: f32,
         region: &mut Mask,
     ) -> ShadingChange {
+        self.starts_now = false;
         self.covered.copy_from_slice(&self.rest_covered);
         for centre in markers {
             self.map.cover(centre, self.cover_radius_px, &mut self.covered);
@@ -158,6 +161,7 @@ impl ShadingContact {
     /// which this was asked.
     pub(crate) fn changed_since_start_fraction(&mut self, level: f32) -> f64 {
         if self.start.is_empty() {
+            self.starts_now = true;
             self.start.extend_from_slice(&self.change);
         }
         let differs = |(now, start): (&Weighted, &Weighted)| {
@@ -166,6 +170,13 @@ impl ShadingContact {
         };
         let changed_count = self.change.iter().zip(&self.start).filter(|cell| differs(*cell)).count();
         changed_count as f64 / self.change.len().max(1) as f64
+    }
+
+    /// The last frame shows no finger: it is no first one either.
+    pub(crate) fn forget_frame(&mut self) {
+        if std::mem::take(&mut self.starts_now) {
+            self.start.clear();
+        }
     }
 
     /// Factor of each channel that undoes a common change of brightness: the median of rest / now.
