@@ -415,6 +415,8 @@ impl SlipMonitor {
             _ if slips => (SlipState::Incipient, None),
             _ => (SlipState::Stick, None),
         };
+        // A smooth gel shows that an object without a region has left; a weave does not.
+        let ends = state == SlipState::NoContact && self.sensor.skin == Skin::Smooth;
         let area_px2 = self.contact.state.area_px2 as f64;
         SlipReport {
             seq: frame.seq,
@@ -435,7 +437,7 @@ impl SlipMonitor {
             shear: self.shear(),
             slip: self.slip.summary,
             estimates: self.estimator.estimates,
-            evidence: self.evidence.report.map(|evidence| {
+            evidence: self.evidence.report.filter(|_| !ends).map(|evidence| {
                 let gross_probability = self.verdict.gross_probability();
                 EvidenceReport { gross_probability, ..evidence }
             }),
