@@ -27,7 +27,8 @@
 //! f is the monitor's estimate (step 6). The force f P at which the object would slide is averaged over
 //! [`MarginSettings::average_ns`]; above [`MarginSettings::urgent_fraction`] a single frame counts. The controller
 //! needs the stiffness of the gel (see [`Shear`](crate::sensor::Shear)) and the grip force: it is refused without the
-//! first; without the second it does not lower the grip, and raises it in the same slow way while too much is used.
+//! first; without a measurement of the second it does not lower the grip, and where the gripper does not tell the force
+//! it was set to either, it raises it in the same slow way while too much is used.
 
 use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived, step_s};
 use super::unsure::UnsureRise;
@@ -344,7 +345,8 @@ impl GripController for Margin {
         self.stopped = self.stopped.filter(|stopped| holding_n > LOAD_FALLEN_FRACTION * stopped.holding_n);
         // The margin before a slide was wrong: the force that stopped the slide is kept while the load persists.
         let kept_n = self.stopped.map_or(0.0, |stopped| stopped.force_n.min(self.force_n));
-        let keeps = misses || gross || doubt > 0.0 && used > DOUBTFUL_LOADED_FRACTION;
+        // A command is no measurement of the force that could be spared.
+        let keeps = gripper.force_n.is_none() || misses || gross || doubt > 0.0 && used > DOUBTFUL_LOADED_FRACTION;
         let slack = self.settings.slack_fraction.min(target);
         if wanted_n > self.force_n {
             self.force_n = wanted_n.min(raised_n);
