@@ -118,7 +118,12 @@ pub(super) fn step_s(last_ns: Option<u64>, now_ns: u64) -> f64 {
 const ARRIVED_N: f64 = 0.5;
 const ARRIVED_FRACTION: f64 = 0.05;
 
-/// Whether a commanded force has been reached: within half a newton or a twentieth.
+/// The same for this force: half a newton or a twentieth.
+pub(super) fn tolerance_n(target_n: f64) -> f64 {
+    ARRIVED_N.max(ARRIVED_FRACTION * target_n)
+}
+
+/// Whether a commanded force has been reached.
 pub(crate) fn arrived(target_n: f64, gripper: &GripperState) -> bool {
-    gripper.pressed_n().is_some_and(|n| (n - target_n).abs() <= ARRIVED_N.max(ARRIVED_FRACTION * target_n))
+    gripper.pressed_n().is_some_and(|n| (n - target_n).abs() <= tolerance_n(target_n))
 }

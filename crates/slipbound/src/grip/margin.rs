@@ -18,8 +18,8 @@
 //! fewer fingers know a margin than before in this grasp: the missing finger may have the smallest margin.
 //!
 //! While the object slides under the force that should hold it, the force rises from the commanded one, and a command
-//! that has stood for a second counts as reached, whatever the gripper reads: a reading that is too low does not hide
-//! that more force is needed.
+//! that has stood for a second, and that the gripper does not report as not accepted, counts as reached, whatever the
+//! gripper reads: a reading that is too low does not hide that more force is needed.
 //!
 //! When a loaded finger in contact gives no margin, the force is raised slowly, up to a limit: see
 //! [`MarginSettings::unsure_n_per_s`].
@@ -30,7 +30,7 @@
 //! first; without a measurement of the second it does not lower the grip, and where the gripper does not tell the force
 //! it was set to either, it raises it in the same slow way while too much is used.
 
-use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived, step_s};
+use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived, step_s, tolerance_n};
 use super::unsure::UnsureRise;
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
@@ -268,11 +268,12 @@ impl Margin {
     }
 
     /// The force with which the gripper presses, N: its reading, but not less than a command that it has had long enough
-    /// to reach.
+    /// to reach. What it says it has not accepted it was never going to reach.
     fn pressed_n(&mut self, now_ns: u64, gripper: &GripperState) -> Option<f64> {
         let since_ns = self.stands.filter(|(_, n)| *n == self.force_n).map_or(now_ns, |(since_ns, _)| since_ns);
         self.stands = Some((since_ns, self.force_n));
-        let is_reached = now_ns.saturating_sub(since_ns) >= REACHED_NS;
+        let is_accepted = gripper.target_n.is_none_or(|n| n >= self.force_n - tolerance_n(self.force_n));
+        let is_reached = is_accepted && now_ns.saturating_sub(since_ns) >= REACHED_NS;
         let read_n = gripper.pressed_n().filter(|n| n.is_finite())?;
         Some(if is_reached { read_n.max(self.force_n) } else { read_n }).filter(|n| *n > 0.0)
     }
