@@ -30,7 +30,7 @@
 //! first; without a measurement of the second it does not lower the grip, and where the gripper does not tell the force
 //! it was set to either, it raises it in the same slow way while too much is used.
 
-use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived, step_s, tolerance_n};
+use super::controller::{ArmMotion, GAP_NS, GripController, GripDecision, GripLimits, arrived, step_s, tolerance_n};
 use super::unsure::UnsureRise;
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
@@ -44,10 +44,6 @@ use serde::{Deserialize, Serialize};
 const STANDS_S: f64 = 0.5;
 const GROWN_FRACTION: f64 = 0.03;
 const GROWN_N: f64 = 0.1;
-
-/// After a gap without a decision longer than this, ns, the averages are outdated: they are reset, and the force is not
-/// lowered until the load has been constant again.
-const LONGEST_GAP_NS: u64 = 250_000_000;
 
 /// Time for which the command must have stood to count as reached, ns: longer than jaws ever need to build up force.
 const REACHED_NS: u64 = 1_000_000_000;
@@ -311,8 +307,8 @@ impl Margin {
 
 impl GripController for Margin {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
-        if self.last_ns.is_some_and(|last_ns| now_ns.saturating_sub(last_ns) > LONGEST_GAP_NS) {
-            // A command of before may never have been sent.
+        if self.last_ns.is_some_and(|last_ns| now_ns.saturating_sub(last_ns) > GAP_NS) {
+            // The averages are outdated, and a command of before may never have been sent.
             (self.holding_n, self.slow_holding_n, self.stands) = (None, 0.0, None);
         }
         let elapsed_s = step_s(self.last_ns.replace(now_ns), now_ns);

@@ -292,6 +292,26 @@ fn a_force_that_was_raised_while_blind_comes_down_slowly_after_a_gap_too() {
     assert!((48.9..50.0).contains(&force_n), "5 N/s for three cycles: {force_n}");
 }
 
+/// The frames of a gap were judged, but the guard was not asked. A hand that goes on without sight is blind, at a slow
+/// loop too.
+#[test]
+fn one_frame_without_sight_after_a_gap_is_no_blindness() {
+    use SlipState::{Stick, Unjudged};
+    let limits = GripLimits::default().with_blind_force_n(Some(50.0));
+    for (seen, expected) in [
+        (&[(0, Stick), (5000, Unjudged), (5033, Stick)][..], [(10.0, false), (10.0, false), (10.0, false)]),
+        (&[(0, Stick), (5000, Unjudged), (5066, Unjudged)], [(10.0, false), (10.0, false), (50.0, true)]),
+        (&[(0, Stick), (333, Unjudged), (666, Unjudged)], [(10.0, false), (10.0, false), (50.0, true)]),
+        (&[(0, Unjudged), (100, Unjudged), (5000, Unjudged)], [(10.0, false), (50.0, true), (50.0, true)]),
+    ] {
+        let mut guard = Law::Constant.controller(&limits).expect("valid");
+        for (&(ms, state), expected) in seen.iter().zip(expected) {
+            let told = guard.decide(ms * 1_000_000, &hand(state), &gripper(10.0));
+            assert_eq!((told.force_n, guard.is_blind()), expected, "{seen:?} at {ms} ms");
+        }
+    }
+}
+
 /// Arbitrary hand reports, grippers, controllers and task forces.
 mod guarded {
     use super::*;
