@@ -312,6 +312,28 @@ fn one_frame_without_sight_after_a_gap_is_no_blindness() {
     }
 }
 
+/// A grip from an earlier run, which the gripper refuses to lower: it has what a step asks for already. A step on top of
+/// it is waited for.
+#[test]
+fn a_force_above_the_one_of_the_step_is_not_waited_for() {
+    for (raised_n, told_n, pause_cycles_count) in [(30.0, 40.0, 3), (40.0, 50.0, 13)] {
+        let mut guard = Law::OnSlip(OnSlipSettings::default()).controller(&GripLimits::default()).expect("valid");
+        guard.raise_to(raised_n);
+        let told = |cycle: u64| {
+            let state = hand(if cycle == 0 { SlipState::Incipient } else { SlipState::Stick });
+            // It has 40 N, and reaches the force of the step after a third of a second.
+            let force_n = Some(if cycle < 11 { 40.0 } else { told_n });
+            let gripper =
+                GripperState { target_n: Some(if cycle == 0 { 40.0 } else { told_n }), force_n, ..gripper(0.0) };
+            guard.decide(cycle * FRAME_NS, &state, &gripper)
+        };
+        let told: Vec<GripDecision> = (0..30).map(told).collect();
+        assert!((told[0].force_n - told_n).abs() < 0.5, "{told:?}");
+        let goes = told.iter().position(|told| told.arm == ArmMotion::Go).expect("it goes on");
+        assert!((pause_cycles_count..pause_cycles_count + 3).contains(&goes), "{raised_n} N: {goes}");
+    }
+}
+
 /// Arbitrary hand reports, grippers, controllers and task forces.
 mod guarded {
     use super::*;
