@@ -158,7 +158,7 @@ impl Place {
             self.phase = Phase::Ended(Ending::Limit);
             return;
         }
-        self.phase = if self.last.arm == ArmMotion::Go { Phase::Working } else { Phase::Waiting };
+        self.phase = Phase::at_work(self.last.arm);
         let touched_ns = self.feel_touch(observation, &allowed);
         self.loose_since_ns = self.loose_since_ns.filter(|_| self.has_arrived(observation));
         let Some(touched_ns) = touched_ns else { return };
@@ -267,7 +267,7 @@ impl Task for Place {
             Phase::Grasping => {
                 match self.grasp.step(observation, &self.settings.allowed.filter(observation.hand), &mut self.grip) {
                     Grasped::NotYet(grip) => self.last = grip,
-                    Grasped::Yes => self.phase = Phase::Working,
+                    Grasped::Yes(grip) => (self.last, self.phase) = (grip, Phase::at_work(grip.arm)),
                     Grasped::Never(ending) => self.phase = Phase::Ended(ending),
                 }
             }

@@ -131,9 +131,10 @@ impl Turning {
             Phase::Grasping => {
                 match self.grasp.step(observation, &self.allowed.filter(observation.hand), &mut self.grip) {
                     Grasped::NotYet(grip) => self.last = grip,
-                    Grasped::Yes => {
+                    Grasped::Yes(grip) => {
                         self.shear_offset.take(observation.hand, observation.gripper.pressed_n());
-                        self.phase = Phase::Working;
+                        self.last = grip;
+                        self.phase = Phase::at_work(grip.arm);
                     }
                     Grasped::Never(ending) => self.phase = Phase::Ended(ending),
                 }
@@ -189,11 +190,7 @@ impl Turning {
                 .flatten();
             seen_ending.or((turned_rad >= self.most_rad - ARRIVED_RAD).then_some(Ending::Limit))
         };
-        self.phase = match (ending, self.last.arm) {
-            (Some(ending), _) => Phase::Ended(ending),
-            (None, ArmMotion::Go) => Phase::Working,
-            (None, _) => Phase::Waiting,
-        };
+        self.phase = ending.map_or(Phase::at_work(self.last.arm), Phase::Ended);
     }
 
     /// How far the wrist has turned since it first was to turn, in the sense of the task, rad.
