@@ -89,6 +89,8 @@ pub struct ControlLoop {
     events: Vec<DriverEvent>,
     last_step: Option<TaskStep>,
     left_with_n: Option<f64>,
+    /// What the gripper reported of its jaws last.
+    jaws: Option<Jaws>,
     grip: Option<GripSample>,
     wrist: Option<WristState>,
 }
@@ -114,6 +116,7 @@ impl ControlLoop {
             events: Vec::new(),
             last_step: None,
             left_with_n: None,
+            jaws: None,
             grip: None,
             wrist: None,
         })
@@ -187,13 +190,16 @@ impl ControlLoop {
         outcome
     }
 
-    /// Leaves the hand safely: the wrist pauses, then the force stays, or rises to the blind force if that is set. To
-    /// be called when no further cycle will follow and the task has not ended.
+    /// Leaves the hand safely: the wrist pauses, then the force stays, or rises to the blind force if that is set and an
+    /// object may be held. To be called when no further cycle will follow and the task has not ended.
     pub fn leave(&mut self, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) {
         // A wrist that rejects this stops when its time to live expires.
         let _ = wrist.command(PAUSE);
         let Some(TaskStep { grip: GripCommand::Hold { force_n }, phase, .. }) = self.last_step else { return };
-        let holds = !matches!(phase, Phase::Releasing | Phase::Ended(_)) && !self.hold_end.has_opened();
+        // A grasp has nothing between jaws that are open or on their way: they would go on with the higher force.
+        let is_empty = phase == Phase::Grasping && matches!(self.jaws, Some(Jaws::Open | Jaws::Closing));
+        let is_over = matches!(phase, Phase::Releasing | Phase::Ended(_));
+        let holds = !is_over && !is_empty && !self.hold_end.has_opened();
         if let Some(force_n) = self.task.grip().limits().blind_force_n.filter(|n| holds && *n > force_n) {
             // A gripper that rejects this keeps its force.
             let is_accepted = gripper.command(GripCommand::Hold { force_n }).is_ok();
@@ -264,6 +270,7 @@ impl ControlLoop {
     /// Polls gripper and wrist; a fault where one of them gives no usable state.
     fn poll(&mut self, now_ns: u64, gripper: &mut dyn Gripper, wrist: &mut dyn Wrist) -> Result<Polled, Fault> {
         let polled = gripper.poll();
+        self.jaws = polled.as_ref().map(|state| state.jaws).ok().or(self.jaws);
         if matches!(&polled, Err(error) if error.kind == GripperErrorKind::Link) {
             self.hold_end.lose_sight();
         }

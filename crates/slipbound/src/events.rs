@@ -6,7 +6,7 @@
 //! ```
 //!
 //! One rule for recordings, closed loops and replays, so that all number slips alike: a slip ends after 0.2 s without a
-//! sign of it (1.5 s if no frame came in that time), or when contact is lost.
+//! sign of it (1.5 s if no frame that can be judged came in that time), or when contact is lost.
 
 use crate::hand::HandReport;
 use crate::monitor::{SlipKind, SlipReport, SlipState};
@@ -16,7 +16,7 @@ use serde::Serialize;
 /// that the next slip counts as a new one.
 const QUIET_NS: u64 = 200_000_000;
 
-/// The same if no frame came in between: at least one frame a second is needed to follow a slip.
+/// The same if no frame that can be judged came in between: at least one frame a second is needed to follow a slip.
 const UNOBSERVED_NS: u64 = 1_500_000_000;
 
 /// The same where frames have no time: 0.2 s at 30 Hz.
@@ -29,6 +29,8 @@ pub struct SlipObservation {
     pub seq: u64,
     /// Its time, ns; None where it is not known.
     pub time_ns: Option<u64>,
+    /// Whether it was judged; a cycle without a frame was not.
+    pub is_judged: bool,
     /// Whether it shows slip.
     pub slips: bool,
     /// Whether contact was lost.
@@ -47,8 +49,8 @@ impl SlipObservation {
     }
 
     fn of_state(state: SlipState) -> Self {
-        let slips = state.is_slip();
-        SlipObservation { seq: 0, time_ns: None, slips, contact_lost: state == SlipState::NoContact }
+        let (is_judged, slips) = (state != SlipState::Unjudged, state.is_slip());
+        SlipObservation { seq: 0, time_ns: None, is_judged, slips, contact_lost: state == SlipState::NoContact }
     }
 }
 
@@ -87,7 +89,7 @@ pub struct EpisodeChange {
 #[derive(Debug, Clone, Default)]
 pub struct SlipEpisodes {
     running: Option<Episode>,
-    /// Whether an observation without slip has come since its last sign.
+    /// Whether a frame without slip has come since its last sign.
     was_quiet: bool,
     count: u32,
 }
@@ -104,8 +106,8 @@ impl SlipEpisodes {
         if self.running.is_some_and(|running| observation.contact_lost || self.is_over(&running, observation)) {
             change.ended = self.running.take();
         }
-        self.was_quiet = !observation.slips;
-        if self.was_quiet {
+        self.was_quiet = !observation.slips && (self.was_quiet || observation.is_judged);
+        if !observation.slips {
             return change;
         }
         let now = FrameStamp { seq: observation.seq, time_ns: observation.time_ns };
@@ -126,7 +128,8 @@ impl SlipEpisodes {
     /// Whether a slip with this last sign is over by the time of `observation`.
     fn is_over(&self, running: &Episode, observation: &SlipObservation) -> bool {
         // Between two frames of a slow camera there was no frame without slip.
-        let quiet_ns = if self.was_quiet || !observation.slips { QUIET_NS } else { UNOBSERVED_NS };
+        let is_quiet = self.was_quiet || observation.is_judged && !observation.slips;
+        let quiet_ns = if is_quiet { QUIET_NS } else { UNOBSERVED_NS };
         match (running.last.time_ns, observation.time_ns) {
             // A clock that was set back counts, too.
             (Some(last_ns), Some(now_ns)) => now_ns.abs_diff(last_ns) >= quiet_ns,

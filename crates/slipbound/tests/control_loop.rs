@@ -463,6 +463,23 @@ impl Wrist for Lifts {
     }
 }
 
+/// Jaws that have met nothing yet would close with the blind force after the loop has been left.
+#[test]
+fn who_leaves_a_grasp_presses_harder_only_where_the_jaws_may_hold() {
+    let mut settings = hold();
+    settings.grip.blind_force_n = Some(30.0);
+    for (jaws, force_n) in [(Jaws::Open, 10.0), (Jaws::Closing, 10.0), (Jaws::Holding, 30.0)] {
+        let mut control = control(scenes(&[(90, Scene::Open)]), &settings);
+        let mut gripper = MyGripper { reports: Some((jaws, Some(50.0), 1..usize::MAX)), ..MyGripper::default() };
+        for cycle in 0..40 {
+            control.cycle(cycle * FRAME_NS, &mut gripper, &mut Lifts::default(), &mut ()).expect("goes on");
+        }
+        assert_eq!(gripper.commands.last().map(GripCommand::force_n), Some(Some(10.0)), "it grasps");
+        control.leave(&mut gripper, &mut Lifts::default());
+        assert_eq!(gripper.commands.last().map(GripCommand::force_n), Some(Some(force_n)), "{jaws:?}");
+    }
+}
+
 /// Another program opens the jaws while they lift, or they close further; what is reported from the 30th command on.
 #[test]
 fn jaws_that_hold_no_more_are_a_fault_and_are_not_closed_again_once_they_have_opened() {

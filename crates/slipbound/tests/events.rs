@@ -13,13 +13,16 @@ use synthetic::hand;
 /// Time of a frame of the row, ns: 20 Hz, so that 0.2 s are four frames.
 const PERIOD_NS: u64 = 50_000_000;
 
+fn observation(seq: u64, time_ns: Option<u64>, shown: char) -> SlipObservation {
+    SlipObservation { seq, time_ns, is_judged: true, slips: shown == 'x', contact_lost: shown == 'o' }
+}
+
 /// The number of the slip that each frame belongs to, as known at that frame: a digit while it lasts, `.` after.
 fn slips_in(row: &str, has_times: bool) -> String {
     let (mut episodes, mut now) = (SlipEpisodes::default(), '.');
     let drawn = row.chars().enumerate().map(|(i, shown)| {
         let time_ns = has_times.then_some(i as u64 * PERIOD_NS);
-        let change =
-            episodes.see(&SlipObservation { seq: i as u64, time_ns, slips: shown == 'x', contact_lost: shown == 'o' });
+        let change = episodes.see(&observation(i as u64, time_ns, shown));
         if change.ended.is_some() {
             now = '.';
         }
@@ -44,7 +47,7 @@ fn at_five_frames_a_second_a_slip_ends_with_a_frame_without_slip_or_after_one_an
         let mut episodes = SlipEpisodes::default();
         for (seq, &(ms, shown)) in times_ms.iter().enumerate() {
             let time_ns = Some(1_000_000 * ms);
-            episodes.see(&SlipObservation { seq: seq as u64, time_ns, slips: shown == 'x', contact_lost: false });
+            episodes.see(&observation(seq as u64, time_ns, shown));
         }
         episodes.count()
     };
@@ -122,7 +125,7 @@ fn the_lines_of_a_recording_name_the_first_and_the_last_frame_of_each_slip() {
 fn a_slip_after_a_clock_was_set_back_is_another_one() {
     let mut episodes = SlipEpisodes::default();
     let mut see = |time_ns, slips| {
-        episodes.see(&SlipObservation { seq: 0, time_ns: Some(time_ns), slips, contact_lost: false });
+        episodes.see(&observation(0, Some(time_ns), if slips { 'x' } else { '.' }));
         episodes.count()
     };
     assert_eq!(see(100 * PERIOD_NS, true), 1);
@@ -141,4 +144,21 @@ fn a_hand_counts_slips_by_the_clock_of_the_loop() {
         episodes.see(&observation);
     }
     assert_eq!(episodes.count(), 3);
+}
+
+/// A camera of 5 Hz: between its frames a cycle of the loop has nothing to judge.
+#[test]
+fn a_cycle_without_a_frame_is_none_without_slip() {
+    use SlipState::{Gross, Stick, Unjudged};
+    let slips_of = |states: &[SlipState]| {
+        let mut episodes = SlipEpisodes::default();
+        for (i, state) in states.iter().enumerate() {
+            episodes.see(&SlipObservation::of_hand(i as u64 * 2 * PERIOD_NS, &hand(*state)));
+        }
+        episodes.count()
+    };
+    assert_eq!(slips_of(&[Gross, Unjudged, Unjudged, Gross]), 1);
+    assert_eq!(slips_of(&[&[Gross][..], &[Unjudged; 14], &[Gross]].concat()), 2, "after 1.5 s");
+    assert_eq!(slips_of(&[Gross, Unjudged, Stick, Gross]), 2, "a frame without slip came");
+    assert_eq!(slips_of(&[Gross, Stick, Unjudged, Gross]), 2, "the same before");
 }

@@ -19,7 +19,7 @@ fn waits(told: &[GripDecision]) -> String {
     told.iter().map(|told| if told.arm == ArmMotion::Go { '.' } else { '#' }).collect()
 }
 
-/// Commands of a law every 33 ms to a gripper that follows at once (or always exerts `pressed_n`); the number of
+/// Commands of a law every 33 ms to a gripper that follows at once (or always reads `pressed_n`); the number of
 /// alarms, and whether it wants more than the maximum force.
 fn told_by(
     law: Law,
@@ -30,7 +30,8 @@ fn told_by(
     let mut controller = law.controller(&limits).expect("valid");
     let mut force_n = limits.start_n;
     let step = |(i, hand): (usize, &HandReport)| {
-        let told = controller.decide(i as u64 * FRAME_NS, hand, &gripper(pressed_n.unwrap_or(force_n)));
+        let state = GripperState { target_n: Some(force_n), ..gripper(pressed_n.unwrap_or(force_n)) };
+        let told = controller.decide(i as u64 * FRAME_NS, hand, &state);
         force_n = told.force_n;
         told
     };

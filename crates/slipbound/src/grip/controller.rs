@@ -109,6 +109,9 @@ impl GripLimits {
 /// usual rate: it does not catch up in one step because of a single frame.
 const LONGEST_STEP_S: f64 = 0.1;
 
+/// A longer time without a decision, ns, is a gap: fingers may have been judged in it, and the load may have changed.
+pub(super) const GAP_NS: u64 = 250_000_000;
+
 /// Time since the last decision, by which rates are multiplied, s: 0 for the first one, at most 0.1.
 pub(super) fn step_s(last_ns: Option<u64>, now_ns: u64) -> f64 {
     (now_ns.saturating_sub(last_ns.unwrap_or(now_ns)) as f64 * 1e-9).min(LONGEST_STEP_S)
@@ -118,7 +121,12 @@ pub(super) fn step_s(last_ns: Option<u64>, now_ns: u64) -> f64 {
 const ARRIVED_N: f64 = 0.5;
 const ARRIVED_FRACTION: f64 = 0.05;
 
-/// Whether a commanded force has been reached: within half a newton or a twentieth.
+/// The same for this force: half a newton or a twentieth.
+pub(super) fn tolerance_n(target_n: f64) -> f64 {
+    ARRIVED_N.max(ARRIVED_FRACTION * target_n)
+}
+
+/// Whether a commanded force has been reached.
 pub(crate) fn arrived(target_n: f64, gripper: &GripperState) -> bool {
-    gripper.pressed_n().is_some_and(|n| (n - target_n).abs() <= ARRIVED_N.max(ARRIVED_FRACTION * target_n))
+    gripper.pressed_n().is_some_and(|n| (n - target_n).abs() <= tolerance_n(target_n))
 }

@@ -1,7 +1,7 @@
 //! Limits that no controller and no task can bypass: forces stay in range, and a blind hand does not let go. Every
 //! commanded force passes through here.
 
-use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, step_s};
+use super::controller::{ArmMotion, GAP_NS, GripController, GripDecision, GripLimits, step_s};
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
 use crate::port::{GripperState, Jaws};
@@ -55,7 +55,7 @@ impl Guard {
     /// not fall without a live finger or after the object was lost, and a force that was raised while the hand was blind
     /// is lowered slowly.
     pub fn hold(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState, force_n: f64) -> GripDecision {
-        let elapsed_s = step_s(self.last_ns.replace(now_ns), now_ns);
+        let elapsed_s = self.step_s(now_ns);
         if let Some(kept) = self.decision_without_sight(now_ns, hand, gripper) {
             return kept;
         }
@@ -65,7 +65,7 @@ impl Guard {
 
     /// Keeps the last force, within the same limits, for a cycle in which nobody asks for another.
     pub fn hold_last(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
-        self.last_ns = Some(now_ns);
+        self.step_s(now_ns);
         let last = GripDecision { force_n: self.force_n, arm: ArmMotion::Go };
         self.decision_without_sight(now_ns, hand, gripper).unwrap_or(last)
     }
@@ -107,6 +107,19 @@ impl Guard {
     /// The force it decided on last, N per finger.
     pub fn force_n(&self) -> f64 {
         self.force_n
+    }
+
+    /// Time since the last decision, s: see [`step_s`]. Of a gap less than the time to blindness counts as time without
+    /// sight, because fingers may have been judged in it; so one frame without sight after it is no blindness, and two
+    /// in a row are, even where every decision is a gap away from the next.
+    fn step_s(&mut self, now_ns: u64) -> f64 {
+        let last_ns = self.last_ns.replace(now_ns);
+        let gap_ns = last_ns.map_or(0, |last_ns| now_ns.saturating_sub(last_ns));
+        if gap_ns > GAP_NS {
+            let unseen_ns = gap_ns.min(self.limits.blind_after_ns.div_ceil(2));
+            self.seen_ns = self.seen_ns.map(|seen_ns| seen_ns + (gap_ns - unseen_ns));
+        }
+        step_s(last_ns, now_ns)
     }
 
     /// The decision while nothing can be judged; None otherwise.
@@ -167,7 +180,7 @@ impl Guard {
 
 impl GripController for Guard {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
-        let elapsed_s = step_s(self.last_ns.replace(now_ns), now_ns);
+        let elapsed_s = self.step_s(now_ns);
         if let Some(kept) = self.decision_without_sight(now_ns, hand, gripper) {
             return kept;
         }

@@ -18,8 +18,8 @@
 //! fewer fingers know a margin than before in this grasp: the missing finger may have the smallest margin.
 //!
 //! While the object slides under the force that should hold it, the force rises from the commanded one, and a command
-//! that has stood for a second counts as reached, whatever the gripper reads: a reading that is too low does not hide
-//! that more force is needed.
+//! that has stood for a second, and that the gripper does not report as not accepted, counts as reached, whatever the
+//! gripper reads: a reading that is too low does not hide that more force is needed.
 //!
 //! When a loaded finger in contact gives no margin, the force is raised slowly, up to a limit: see
 //! [`MarginSettings::unsure_n_per_s`].
@@ -27,9 +27,10 @@
 //! f is the monitor's estimate (step 6). The force f P at which the object would slide is averaged over
 //! [`MarginSettings::average_ns`]; above [`MarginSettings::urgent_fraction`] a single frame counts. The controller
 //! needs the stiffness of the gel (see [`Shear`](crate::sensor::Shear)) and the grip force: it is refused without the
-//! first; without the second it does not lower the grip, and raises it in the same slow way while too much is used.
+//! first; without a measurement of the second it does not lower the grip, and where the gripper does not tell the force
+//! it was set to either, it raises it in the same slow way while too much is used.
 
-use super::controller::{ArmMotion, GripController, GripDecision, GripLimits, arrived, step_s};
+use super::controller::{ArmMotion, GAP_NS, GripController, GripDecision, GripLimits, arrived, step_s, tolerance_n};
 use super::unsure::UnsureRise;
 use crate::hand::HandReport;
 use crate::monitor::SlipState;
@@ -43,10 +44,6 @@ use serde::{Deserialize, Serialize};
 const STANDS_S: f64 = 0.5;
 const GROWN_FRACTION: f64 = 0.03;
 const GROWN_N: f64 = 0.1;
-
-/// After a gap without a decision longer than this, ns, the averages are outdated: they are reset, and the force is not
-/// lowered until the load has been constant again.
-const LONGEST_GAP_NS: u64 = 250_000_000;
 
 /// Time for which the command must have stood to count as reached, ns: longer than jaws ever need to build up force.
 const REACHED_NS: u64 = 1_000_000_000;
@@ -267,11 +264,12 @@ impl Margin {
     }
 
     /// The force with which the gripper presses, N: its reading, but not less than a command that it has had long enough
-    /// to reach.
+    /// to reach. What it says it has not accepted it was never going to reach.
     fn pressed_n(&mut self, now_ns: u64, gripper: &GripperState) -> Option<f64> {
         let since_ns = self.stands.filter(|(_, n)| *n == self.force_n).map_or(now_ns, |(since_ns, _)| since_ns);
         self.stands = Some((since_ns, self.force_n));
-        let is_reached = now_ns.saturating_sub(since_ns) >= REACHED_NS;
+        let is_accepted = gripper.target_n.is_none_or(|n| n >= self.force_n - tolerance_n(self.force_n));
+        let is_reached = is_accepted && now_ns.saturating_sub(since_ns) >= REACHED_NS;
         let read_n = gripper.pressed_n().filter(|n| n.is_finite())?;
         Some(if is_reached { read_n.max(self.force_n) } else { read_n }).filter(|n| *n > 0.0)
     }
@@ -309,8 +307,8 @@ impl Margin {
 
 impl GripController for Margin {
     fn decide(&mut self, now_ns: u64, hand: &HandReport, gripper: &GripperState) -> GripDecision {
-        if self.last_ns.is_some_and(|last_ns| now_ns.saturating_sub(last_ns) > LONGEST_GAP_NS) {
-            // A command of before may never have been sent.
+        if self.last_ns.is_some_and(|last_ns| now_ns.saturating_sub(last_ns) > GAP_NS) {
+            // The averages are outdated, and a command of before may never have been sent.
             (self.holding_n, self.slow_holding_n, self.stands) = (None, 0.0, None);
         }
         let elapsed_s = step_s(self.last_ns.replace(now_ns), now_ns);
@@ -344,7 +342,8 @@ impl GripController for Margin {
         self.stopped = self.stopped.filter(|stopped| holding_n > LOAD_FALLEN_FRACTION * stopped.holding_n);
         // The margin before a slide was wrong: the force that stopped the slide is kept while the load persists.
         let kept_n = self.stopped.map_or(0.0, |stopped| stopped.force_n.min(self.force_n));
-        let keeps = misses || gross || doubt > 0.0 && used > DOUBTFUL_LOADED_FRACTION;
+        // A command is no measurement of the force that could be spared.
+        let keeps = gripper.force_n.is_none() || misses || gross || doubt > 0.0 && used > DOUBTFUL_LOADED_FRACTION;
         let slack = self.settings.slack_fraction.min(target);
         if wanted_n > self.force_n {
             self.force_n = wanted_n.min(raised_n);

@@ -120,12 +120,20 @@ impl OnSlip {
         let force_n = (self.force_n + self.settings.step_n).clamp(self.limits.least_n, self.limits.most_n);
         if force_n == self.force_n {
             // Slip before the gripper has reached that force proves nothing.
-            self.wants_more |= self.settings.step_n > 0.0 && arrived(self.force_n, gripper);
+            self.wants_more |= self.settings.step_n > 0.0 && self.has_arrived(gripper);
             return;
         }
         self.force_n = force_n;
         self.unsure_rise.begin_anew();
         self.phase = Phase::Stepping { since_ns: now_ns, arrived_ns: None };
+    }
+
+    /// Whether the gripper has reached the force. One that holds with more, because it may not be lowered, has it as soon
+    /// as it exerts what it was told last: the step may have been added to that.
+    fn has_arrived(&self, gripper: &GripperState) -> bool {
+        let holds_more = gripper.pressed_n().is_some_and(|n| n > self.force_n)
+            && gripper.target_n.is_none_or(|target_n| arrived(target_n, gripper));
+        arrived(self.force_n, gripper) || self.settings.step_n > 0.0 && holds_more
     }
 
     /// What was loaded and is `unsure` may be slipping.
@@ -151,7 +159,7 @@ impl GripController for OnSlip {
             self.alarm(now_ns, gripper);
         }
         if let Phase::Stepping { since_ns, arrived_ns } = self.phase {
-            let arrived_ns = arrived(self.force_n, gripper).then(|| arrived_ns.unwrap_or(now_ns));
+            let arrived_ns = self.has_arrived(gripper).then(|| arrived_ns.unwrap_or(now_ns));
             let stood = arrived_ns.is_some_and(|at| now_ns.saturating_sub(at) >= self.settings.settle_ns);
             let too_long = now_ns.saturating_sub(since_ns) >= self.settings.longest_pause_ns;
             self.phase = if stood || too_long { Phase::Steady } else { Phase::Stepping { since_ns, arrived_ns } };

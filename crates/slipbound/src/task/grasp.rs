@@ -49,7 +49,8 @@ pub(super) struct Grasp {
 /// Progress of a grasp.
 pub(super) enum Grasped {
     NotYet(GripDecision),
-    Yes,
+    /// With the decision of this cycle: it may answer slip.
+    Yes(GripDecision),
     Never(Ending),
 }
 
@@ -68,7 +69,7 @@ impl Grasp {
             // It holds already, from before this task: it is not loosened to the starting force.
             grip.raise_to(held_n);
         }
-        let force_n = self.force_n(observation, hand, grip, feels && holds);
+        let decided = self.decide(observation, hand, grip, feels && holds);
         self.missing = match () {
             _ if hand.state == SlipState::Unjudged => Some(Missing::Sight),
             _ if !holds => Some(Missing::Hold),
@@ -76,8 +77,8 @@ impl Grasp {
             _ => None,
         };
         if self.missing.is_none() {
-            if self.stands_for_ns(observation) >= self.needed_ns(now_ns, arrived(force_n, gripper)) {
-                return Grasped::Yes;
+            if self.stands_for_ns(observation) >= self.needed_ns(now_ns, arrived(decided.force_n, gripper)) {
+                return Grasped::Yes(decided);
             }
             self.missing = Some(Missing::SteadyGrip);
         } else {
@@ -92,7 +93,7 @@ impl Grasp {
         if matches!(gripper.jaws, Jaws::Nothing | Jaws::Lost) || is_empty {
             return Grasped::Never(Ending::NothingHeld);
         }
-        Grasped::NotYet(GripDecision { force_n, arm: ArmMotion::Pause })
+        Grasped::NotYet(GripDecision { arm: ArmMotion::Pause, ..decided })
     }
 
     /// Whether the jaws close, and have come closer than ever since the last time.
@@ -116,14 +117,19 @@ impl Grasp {
     }
 
     /// The starting force, or the controller's response to slip; it never falls during the grasp.
-    fn force_n(&self, observation: &Observation<'_>, hand: &HandReport, grip: &mut Guard, is_felt: bool) -> f64 {
+    fn decide(
+        &self,
+        observation: &Observation<'_>,
+        hand: &HandReport,
+        grip: &mut Guard,
+        is_felt: bool,
+    ) -> GripDecision {
         let (now_ns, gripper) = (observation.now_ns, observation.gripper);
         let slips = is_felt && hand.state.is_slip();
-        let decided = match slips {
+        match slips {
             true => grip.decide_no_less(now_ns, hand, gripper),
             false => grip.hold_last(now_ns, hand, gripper),
-        };
-        decided.force_n
+        }
     }
 
     /// For how long all conditions except the force have been met, ns.

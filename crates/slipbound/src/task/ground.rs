@@ -14,13 +14,18 @@ use crate::smoothing;
 const CREEP_S: f64 = 1.0;
 
 /// Longest absence after which a set of fingers continues from its own values, ns.
-const AWAY_NS: u64 = 300_000_000;
+pub(super) const AWAY_NS: u64 = 300_000_000;
 
 /// Number of sets stored: both fingers, either, and one spare.
-const SETS_COUNT: usize = 4;
+pub(super) const SETS_COUNT: usize = 4;
 
 /// Which fingers contribute to the means, and whether they could be separated.
-type Fingers = ([Health; FINGERS_MOST], bool);
+pub(super) type Fingers = ([Health; FINGERS_MOST], bool);
+
+/// The set of fingers behind a report.
+pub(super) fn fingers_of(hand: &HandReport) -> Fingers {
+    (hand.health, hand.separated)
+}
 
 /// The last values of a set of fingers, and their references.
 #[derive(Debug, Clone, Copy)]
@@ -57,7 +62,7 @@ impl Ground {
     /// How far the object has turned in the fingers since it hung, rad; None where they do not feel it.
     pub fn turned_rad(&mut self, now_ns: u64, hand: &HandReport) -> Option<f64> {
         let (along_mm, pivot_rad) = (hand.shear_mm?.along, hand.pivot_rad?);
-        let fingers = (hand.health, hand.separated);
+        let fingers = fingers_of(hand);
         let last = self.estimates[0];
         let of_these =
             self.estimates.iter().position(|estimate| estimate.is_some_and(|estimate| estimate.fingers == fingers));

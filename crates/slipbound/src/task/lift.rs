@@ -114,9 +114,10 @@ impl Task for Lift {
             Phase::Grasping => {
                 match self.grasp.step(observation, &self.settings.allowed.filter(observation.hand), &mut self.grip) {
                     Grasped::NotYet(grip) => self.last = grip,
-                    Grasped::Yes => {
+                    Grasped::Yes(grip) => {
                         self.shear_offset.take(observation.hand, observation.gripper.pressed_n());
-                        self.phase = Phase::Working;
+                        self.last = grip;
+                        self.phase = Phase::at_work(grip.arm);
                     }
                     Grasped::Never(ending) => self.phase = Phase::Ended(ending),
                 }

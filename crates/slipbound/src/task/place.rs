@@ -98,6 +98,8 @@ pub struct Place {
     start_mm: Option<f64>,
     stiffness_mpa_per_mm: Option<f64>,
     touched_ns: Option<u64>,
+    /// Since when the looser grip has stood, ns.
+    loose_since_ns: Option<u64>,
     ground: Ground,
     /// When the fingers last felt the object, or lowering began, ns.
     felt_ns: Option<u64>,
@@ -128,6 +130,7 @@ impl Place {
             start_mm: None,
             stiffness_mpa_per_mm,
             touched_ns: None,
+            loose_since_ns: None,
             ground: Ground::default(),
             felt_ns: None,
             turned_cycles_count: 0,
@@ -155,8 +158,10 @@ impl Place {
             self.phase = Phase::Ended(Ending::Limit);
             return;
         }
-        self.phase = if self.last.arm == ArmMotion::Go { Phase::Working } else { Phase::Waiting };
-        let Some(touched_ns) = self.feel_touch(observation, &allowed) else { return };
+        self.phase = Phase::at_work(self.last.arm);
+        let touched_ns = self.feel_touch(observation, &allowed);
+        self.loose_since_ns = self.loose_since_ns.filter(|_| self.has_arrived(observation));
+        let Some(touched_ns) = touched_ns else { return };
         if !self.waits_for_loose_grip(observation, touched_ns) && self.last.arm == ArmMotion::Go {
             self.confirm_carried(observation);
         }
@@ -196,20 +201,26 @@ impl Place {
         self.touched_ns
     }
 
-    /// Whether the gripper does not hold loosely yet; ends the task when it has not for too long.
+    /// Whether the gripper holds with the force that is wanted.
+    fn has_arrived(&self, observation: &Observation<'_>) -> bool {
+        !self.grip.is_raised() && arrived(self.last.force_n, observation.gripper)
+    }
+
+    /// Whether the gripper has not held loosely for long enough yet; ends the task when it does not for too long.
     fn waits_for_loose_grip(&mut self, observation: &Observation<'_>, touched_ns: u64) -> bool {
-        if observation.now_ns.saturating_sub(touched_ns) < self.settings.loosen_ns {
-            self.phase = Phase::Waiting;
-            return true;
-        }
-        if self.grip.is_raised() || !arrived(self.last.force_n, observation.gripper) {
+        let now_ns = observation.now_ns;
+        if !self.has_arrived(observation) {
             // With a firm grip the gels do not measure the ground force: nothing is released because of it.
             let since_ns = self.changed_ns.max(touched_ns + self.settings.loosen_ns);
-            let late = observation.now_ns.saturating_sub(since_ns) > LATE_NS;
+            let late = now_ns.saturating_sub(since_ns) > LATE_NS;
             self.phase = if late { Phase::Ended(Ending::GripStays) } else { Phase::Waiting };
             return true;
         }
-        false
+        let waits = now_ns.saturating_sub(*self.loose_since_ns.get_or_insert(now_ns)) < self.settings.loosen_ns;
+        if waits {
+            self.phase = Phase::Waiting;
+        }
+        waits
     }
 
     /// Counts the cycles in which the ground carries the object, and releases it after enough of them.
@@ -249,13 +260,14 @@ impl Task for Place {
         if std::mem::take(&mut self.is_interrupted) {
             // Commands may not have been sent meanwhile.
             self.changed_ns += since_ns;
+            self.loose_since_ns = self.loose_since_ns.map(|ns| ns + since_ns);
             self.released_ns = self.released_ns.map(|ns| ns + since_ns);
         }
         match self.phase {
             Phase::Grasping => {
                 match self.grasp.step(observation, &self.settings.allowed.filter(observation.hand), &mut self.grip) {
                     Grasped::NotYet(grip) => self.last = grip,
-                    Grasped::Yes => self.phase = Phase::Working,
+                    Grasped::Yes(grip) => (self.last, self.phase) = (grip, Phase::at_work(grip.arm)),
                     Grasped::Never(ending) => self.phase = Phase::Ended(ending),
                 }
             }

@@ -7,6 +7,9 @@
 //!         +----------------> turn                                    +------------> turn
 //! ```
 
+use super::ground::{AWAY_NS, Fingers, SETS_COUNT, fingers_of};
+use crate::hand::HandReport;
+
 /// Number of samples, evenly spaced over the turn: the longest window has [`STEPS_COUNT`] of them, so that a window
 /// fills at any loop rate and wrist speed.
 const SAMPLES_COUNT: usize = 64;
@@ -44,13 +47,19 @@ impl ShearHistory {
     }
 
     /// For a new grip: shear is compared only with later samples. The peak is kept.
-    pub fn restart(&mut self) {
+    fn restart(&mut self) {
         self.count = 0;
+    }
+
+    /// After an absence: what was turned meanwhile was not seen, so a fall counts from the next sample on.
+    fn resume(&mut self) {
+        self.restart();
+        self.fallen_at_rad = None;
     }
 
     /// Adds the shear, in the sense of the task, at this turned angle. The newest sample is replaced until it is a full
     /// step away from the one before.
-    pub fn see(&mut self, turned_rad: f64, shear_mm: f64) {
+    fn see(&mut self, turned_rad: f64, shear_mm: f64) {
         self.peak_mm = self.peak_mm.max(shear_mm);
         let fallen = shear_mm < FALLEN_FRACTION * self.peak_mm;
         self.fallen_at_rad = if fallen { self.fallen_at_rad.or(Some(turned_rad)) } else { None };
@@ -95,6 +104,55 @@ impl ShearHistory {
     pub fn fallen_for_rad(&self, turned_rad: f64, least_peak_mm: f64) -> Option<f64> {
         let at_rad = self.fallen_at_rad.filter(|_| self.peak_mm >= least_peak_mm)?;
         Some(turned_rad - at_rad)
+    }
+}
+
+/// A [`ShearHistory`] of each set of fingers: one finger alone feels another shear than both, so a finger that drops out
+/// or comes back is no change of torque.
+#[derive(Debug, Clone)]
+pub(super) struct ShearHistories {
+    of_none: ShearHistory,
+    /// By when they were last seen, ns; the newest first.
+    of_sets: [Option<(Fingers, u64, ShearHistory)>; SETS_COUNT],
+}
+
+impl ShearHistories {
+    /// See [`ShearHistory::new`].
+    pub fn new(longest_window_rad: f64) -> Self {
+        ShearHistories { of_none: ShearHistory::new(longest_window_rad), of_sets: [const { None }; SETS_COUNT] }
+    }
+
+    /// For a new grip: see [`ShearHistory::restart`].
+    pub fn restart(&mut self) {
+        self.of_sets.iter_mut().flatten().for_each(|(.., history)| history.restart());
+    }
+
+    /// The fingers behind a report with shear; what follows is about their history.
+    pub fn turn_to(&mut self, now_ns: u64, hand: &HandReport) {
+        let fingers = fingers_of(hand);
+        let of_these = self.of_sets.iter().position(|set| set.as_ref().is_some_and(|(of, ..)| *of == fingers));
+        self.of_sets[..=of_these.unwrap_or(SETS_COUNT - 1)].rotate_right(1);
+        match (&mut self.of_sets[0], of_these) {
+            (Some((_, seen_ns, history)), Some(before)) => {
+                let away_ns = now_ns.saturating_sub(std::mem::replace(seen_ns, now_ns));
+                if before > 0 && away_ns > AWAY_NS {
+                    history.resume();
+                }
+            }
+            (newest, _) => *newest = Some((fingers, now_ns, self.of_none.clone())),
+        }
+    }
+
+    /// Adds the shear that these fingers feel: see [`ShearHistory::see`].
+    pub fn see(&mut self, turned_rad: f64, shear_mm: f64) {
+        if let Some((.., history)) = &mut self.of_sets[0] {
+            history.see(turned_rad, shear_mm);
+        }
+    }
+
+    /// The history of these fingers.
+    pub fn newest(&self) -> &ShearHistory {
+        self.of_sets[0].as_ref().map_or(&self.of_none, |(.., history)| history)
     }
 }
 

@@ -1,6 +1,6 @@
 //! The input and output of a task in one cycle.
 
-use crate::grip::Guard;
+use crate::grip::{ArmMotion, Guard};
 use crate::hand::HandReport;
 use crate::port::{GripCommand, GripperState, Jaws, LONGEST_TIME_TO_LIVE_NS, WristCommand, WristMotion, WristState};
 use serde::{Deserialize, Serialize};
@@ -50,6 +50,16 @@ pub enum Phase {
     Releasing,
     /// The task has ended.
     Ended(Ending),
+}
+
+impl Phase {
+    /// At work, with what the arm may do.
+    pub(super) const fn at_work(arm: ArmMotion) -> Self {
+        match arm {
+            ArmMotion::Go => Phase::Working,
+            ArmMotion::Pause => Phase::Waiting,
+        }
+    }
 }
 
 /// How a task ended, and on what evidence.

@@ -1,7 +1,7 @@
 //! The common part of screwing and unscrewing: grasp, turn while the controller lets the wrist move, watch the shear.
 
 use super::grasp::{Grasp, Grasped};
-use super::shear_history::ShearHistory;
+use super::shear_history::{ShearHistories, ShearHistory};
 use super::shear_offset::ShearOffset;
 use super::step::{ARRIVED_RAD, Ending, Missing, Observation, PAUSE, Phase, TaskStep, turn};
 use crate::grip::{ArmMotion, GripController, GripDecision, Guard, arrived};
@@ -62,7 +62,7 @@ pub(super) struct Turning {
     shear_offset: ShearOffset,
     phase: Phase,
     start_rad: Option<f64>,
-    shear: ShearHistory,
+    shear: ShearHistories,
     /// The lowest force commanded since the shear is judged, N.
     judged_n: f64,
     /// Where the fingers were last seen to slide, rad of the turn.
@@ -117,7 +117,7 @@ impl Turning {
             shear_offset: ShearOffset::default(),
             phase: Phase::Grasping,
             start_rad: None,
-            shear: ShearHistory::new(longest_window_rad.max(slide.window_rad)),
+            shear: ShearHistories::new(longest_window_rad.max(slide.window_rad)),
             judged_n: last.force_n,
             slid_rad: None,
             longest_window_rad,
@@ -131,9 +131,10 @@ impl Turning {
             Phase::Grasping => {
                 match self.grasp.step(observation, &self.allowed.filter(observation.hand), &mut self.grip) {
                     Grasped::NotYet(grip) => self.last = grip,
-                    Grasped::Yes => {
+                    Grasped::Yes(grip) => {
                         self.shear_offset.take(observation.hand, observation.gripper.pressed_n());
-                        self.phase = Phase::Working;
+                        self.last = grip;
+                        self.phase = Phase::at_work(grip.arm);
                     }
                     Grasped::Never(ending) => self.phase = Phase::Ended(ending),
                 }
@@ -153,6 +154,9 @@ impl Turning {
         let turned_rad = self.turned_rad(observation);
         let pressed_n = observation.gripper.pressed_n();
         let mut seen = self.shear_offset.correct(&self.allowed.filter(observation.hand), pressed_n);
+        if seen.shear_mm.is_some() {
+            self.shear.turn_to(observation.now_ns, observation.hand);
+        }
         if self.slides(&seen, pressed_n, turned_rad) {
             seen.state = SlipState::Gross;
             self.slid_rad = Some(turned_rad);
@@ -180,15 +184,13 @@ impl Turning {
             // Evidence from before the fingers went blind does not cover the turn since, and without a hold there is none.
             let sees = seen.state != SlipState::Unjudged && observation.gripper.jaws == Jaws::Holding;
             let seen_ending = sees
-                .then(|| end(TurnState { shear: &self.shear, turned_rad, slip_at_most, slips_rad: self.slips_rad }))
+                .then(|| {
+                    end(TurnState { shear: self.shear.newest(), turned_rad, slip_at_most, slips_rad: self.slips_rad })
+                })
                 .flatten();
             seen_ending.or((turned_rad >= self.most_rad - ARRIVED_RAD).then_some(Ending::Limit))
         };
-        self.phase = match (ending, self.last.arm) {
-            (Some(ending), _) => Phase::Ended(ending),
-            (None, ArmMotion::Go) => Phase::Working,
-            (None, _) => Phase::Waiting,
-        };
+        self.phase = ending.map_or(Phase::at_work(self.last.arm), Phase::Ended);
     }
 
     /// How far the wrist has turned since it first was to turn, in the sense of the task, rad.
@@ -218,6 +220,6 @@ impl Turning {
         let SlideSettings { window_rad, flat_fraction, least_mu } = self.slide;
         let slid_lately = self.slid_rad.is_some_and(|at_rad| turned_rad - at_rad <= 2.0 * window_rad);
         let window_rad = if slid_lately { STILL_SLIDES_SHARE * window_rad } else { window_rad };
-        load_n >= least_mu * pressed_n && self.shear.is_flat(window_rad, flat_fraction)
+        load_n >= least_mu * pressed_n && self.shear.newest().is_flat(window_rad, flat_fraction)
     }
 }

@@ -292,6 +292,48 @@ fn a_force_that_was_raised_while_blind_comes_down_slowly_after_a_gap_too() {
     assert!((48.9..50.0).contains(&force_n), "5 N/s for three cycles: {force_n}");
 }
 
+/// The frames of a gap were judged, but the guard was not asked. A hand that goes on without sight is blind, at a slow
+/// loop too.
+#[test]
+fn one_frame_without_sight_after_a_gap_is_no_blindness() {
+    use SlipState::{Stick, Unjudged};
+    let limits = GripLimits::default().with_blind_force_n(Some(50.0));
+    for (seen, expected) in [
+        (&[(0, Stick), (5000, Unjudged), (5033, Stick)][..], [(10.0, false), (10.0, false), (10.0, false)]),
+        (&[(0, Stick), (5000, Unjudged), (5066, Unjudged)], [(10.0, false), (10.0, false), (50.0, true)]),
+        (&[(0, Stick), (333, Unjudged), (666, Unjudged)], [(10.0, false), (10.0, false), (50.0, true)]),
+        (&[(0, Unjudged), (100, Unjudged), (5000, Unjudged)], [(10.0, false), (50.0, true), (50.0, true)]),
+    ] {
+        let mut guard = Law::Constant.controller(&limits).expect("valid");
+        for (&(ms, state), expected) in seen.iter().zip(expected) {
+            let told = guard.decide(ms * 1_000_000, &hand(state), &gripper(10.0));
+            assert_eq!((told.force_n, guard.is_blind()), expected, "{seen:?} at {ms} ms");
+        }
+    }
+}
+
+/// A grip from an earlier run, which the gripper refuses to lower: it has what a step asks for already. A step on top of
+/// it is waited for.
+#[test]
+fn a_force_above_the_one_of_the_step_is_not_waited_for() {
+    for (raised_n, told_n, pause_cycles_count) in [(30.0, 40.0, 3), (40.0, 50.0, 13)] {
+        let mut guard = Law::OnSlip(OnSlipSettings::default()).controller(&GripLimits::default()).expect("valid");
+        guard.raise_to(raised_n);
+        let told = |cycle: u64| {
+            let state = hand(if cycle == 0 { SlipState::Incipient } else { SlipState::Stick });
+            // It has 40 N, and reaches the force of the step after a third of a second.
+            let force_n = Some(if cycle < 11 { 40.0 } else { told_n });
+            let gripper =
+                GripperState { target_n: Some(if cycle == 0 { 40.0 } else { told_n }), force_n, ..gripper(0.0) };
+            guard.decide(cycle * FRAME_NS, &state, &gripper)
+        };
+        let told: Vec<GripDecision> = (0..30).map(told).collect();
+        assert!((told[0].force_n - told_n).abs() < 0.5, "{told:?}");
+        let goes = told.iter().position(|told| told.arm == ArmMotion::Go).expect("it goes on");
+        assert!((pause_cycles_count..pause_cycles_count + 3).contains(&goes), "{raised_n} N: {goes}");
+    }
+}
+
 /// Arbitrary hand reports, grippers, controllers and task forces.
 mod guarded {
     use super::*;

@@ -348,6 +348,33 @@ fn a_command_from_before_a_gap_does_not_count_as_reached() {
     assert!(told_n[1] < told_n[0] + 0.5, "{told_n:?}: half as much again is held with the 20 N");
 }
 
+/// The gripper refuses every command: it holds with 20 N, and says so, where 27 N are needed.
+#[test]
+fn a_command_that_the_gripper_does_not_accept_never_counts_as_reached() {
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    let mut controller = Law::Margin(settings).controller(&GripLimits::default()).expect("valid");
+    let hand = HandReport { margin: Some(0.15), ..hand(SlipState::Stick) };
+    let told_n = (0..300).map(|frame| controller.decide(frame * FRAME_NS, &hand, &gripper(20.0)).force_n);
+    assert!(told_n.fold(0.0, f64::max) < 28.0, "17 N over 0.62 are 27.4 N");
+}
+
+/// It tells which force it has accepted, but measures none.
+#[test]
+fn a_gripper_that_measures_no_force_is_never_lowered() {
+    let settings = MarginSettings::default().with_stiffness_mpa_per_mm(0.05);
+    let mut limits = GripLimits::default();
+    limits.start_n = 30.0;
+    let mut controller = Law::Margin(settings).controller(&limits).expect("valid");
+    let told_n = |(frame, used): (u64, f64)| {
+        let hand = HandReport { margin: Some(1.0 - used), ..hand(SlipState::Stick) };
+        let state = GripperState { force_n: None, ..gripper(30.0) };
+        controller.decide(frame * FRAME_NS, &hand, &state).force_n
+    };
+    let told_n: Vec<f64> = (0..).zip([0.2; 90].into_iter().chain([0.9; 30])).map(told_n).collect();
+    assert!(told_n[..90].iter().all(|n| *n == 30.0), "{told_n:?}");
+    assert!(told_n[119] > 35.0, "more load: {told_n:?}");
+}
+
 /// The object is lost, with all fingers live, and another one is gripped firmly.
 #[test]
 fn what_stopped_the_slide_of_one_object_is_not_kept_for_the_next() {

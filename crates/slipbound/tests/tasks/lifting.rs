@@ -130,3 +130,15 @@ fn slip_is_answered_from_the_first_contact_on() {
     let raised_ms = told.iter().find(|(.., force_n)| *force_n > 10.0).map(|(ms, ..)| *ms);
     assert_eq!(raised_ms, Some(528), "the first frame in which it is held");
 }
+
+/// The jaws hold from the cycle at 528 ms on, with a force that reads 3 N low: the one at 1551 ms is the first after a
+/// second.
+#[test]
+fn slip_in_the_cycle_that_completes_the_grasp_is_answered_in_that_cycle() {
+    let told = lift_with(&TaskSettings::default(), (33, 1700), |ms| {
+        let state = if ms < 1551 { SlipState::Stick } else { SlipState::Incipient };
+        (hand(state), GripperState { jaws: jaws_at(ms), force_n: Some(7.0), ..gripper(10.0) })
+    });
+    let grasped = told.iter().position(|(_, phase, _)| *phase != Phase::Grasping).expect("grasped");
+    assert_eq!(told[grasped], (1551, Phase::Waiting, 20.0), "{told:?}");
+}

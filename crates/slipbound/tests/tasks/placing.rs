@@ -80,6 +80,35 @@ fn a_gripper_that_does_not_open_ends_the_task_which_asks_it_to_the_end() {
     assert_eq!(laid_down(true, false), (Some(Ending::NotReleased), true));
 }
 
+/// From 10 N to 5.5 N in nine tenths of a second, on ground so firm that it carries the tool at once.
+#[test]
+fn the_ground_is_judged_once_the_looser_grip_has_stood_for_its_time() {
+    let mut task = TaskSettings::default().task(TaskKind::Place, Some(0.05)).expect("valid");
+    let (mut force_n, mut lowered_mm, mut loose_ns) = (10.0f64, 0.0, None);
+    for cycle in 0..600u64 {
+        let now_ns = cycle * FRAME_NS;
+        let ground = ground_at_5_mm(lowered_mm);
+        let shear_mm = Some(HandVector { along: (5.0 - lowered_mm).min(0.0), ..HandVector::default() });
+        let state = GripperState { target_n: None, ..gripper(force_n) };
+        let wrist = WristState { time_ns: now_ns, angle_rad: 0.0, lowered_mm, moving: true };
+        let hand = HandReport { shear_mm, ..ground };
+        let step = task.step(&Observation { now_ns, hand: &hand, gripper: &state, wrist: &wrist });
+        if force_n <= 5.5 {
+            loose_ns.get_or_insert(now_ns);
+        }
+        let Some(asked_n) = step.grip.force_n() else {
+            let loose_s = loose_ns.map(|ns| (now_ns - ns) as f64 * 1e-9).expect("loose");
+            assert!((0.5..1.0).contains(&loose_s), "released {loose_s} s after the grip was loose");
+            return;
+        };
+        force_n = asked_n.max(force_n - 5.0 * FRAME_NS as f64 * 1e-9);
+        if let WristMotion::Lower { rate_mm_per_s, .. } = step.wrist.motion {
+            lowered_mm += rate_mm_per_s * FRAME_NS as f64 * 1e-9;
+        }
+    }
+    panic!("not released");
+}
+
 /// Frames without shear while it is laid down, with continuous slip: the loose grip stays loose.
 #[test]
 fn frames_without_shear_do_not_kick_the_grip_while_it_is_laid_down() {

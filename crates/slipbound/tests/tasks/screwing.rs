@@ -2,7 +2,7 @@
 
 use crate::synthetic::{FRAME_NS, gripper, hand};
 use slipbound::grip::{ArmMotion, GripController, GripDecision, Guard, Law};
-use slipbound::hand::{HandReport, HandVector};
+use slipbound::hand::{HandReport, HandVector, Health};
 use slipbound::monitor::SlipState;
 use slipbound::port::{GripCommand, GripperState, Jaws, WristMotion, WristState};
 use slipbound::task::{ControllerKind, Ending, Observation, Phase, Task, TaskKind, TaskSettings};
@@ -21,6 +21,8 @@ struct Bench {
     follows: bool,
     jaws: Jaws,
     period_ns: u64,
+    /// Whether the left finger has a frame.
+    sees_left: bool,
 }
 
 impl Bench {
@@ -28,12 +30,16 @@ impl Bench {
         let task = TaskSettings::default().task(kind, Some(0.05)).expect("valid");
         let jaws = Jaws::Holding;
         let (slip, along_mm, follows) = (false, 0.0, true);
-        Bench { task, now_ns: 0, force_n: 10.0, angle_rad: 0.0, slip, along_mm, follows, jaws, period_ns: FRAME_NS }
+        let (period_ns, sees_left) = (FRAME_NS, true);
+        Bench { task, now_ns: 0, force_n: 10.0, angle_rad: 0.0, slip, along_mm, follows, jaws, period_ns, sees_left }
     }
 
     fn step(&mut self, shear_mm: f64) -> Phase {
         let mut report = if self.slip { hand(SlipState::Incipient) } else { hand(SlipState::Stick) };
         report.shear_mm = Some(HandVector { around: shear_mm, along: self.along_mm.min(self.angle_rad), across: 0.0 });
+        if !self.sees_left {
+            (report.health[0], report.live_count, report.separated) = (Health::Blind, 1, false);
+        }
         let wrist = WristState { time_ns: self.now_ns, angle_rad: self.angle_rad, lowered_mm: 0.0, moving: true };
         let gripper = GripperState { jaws: self.jaws, ..gripper(self.force_n) };
         let step =
@@ -214,6 +220,34 @@ fn a_cap_that_does_not_open_is_stuck_and_slip_alone_is_never_open() {
     let mut bench = Bench::new(TaskKind::Unscrew);
     let (ending, _) = bench.run(|rad| (2.0 * rad).max(-1.5), |rad| rad < -0.3);
     assert_eq!((ending, bench.force_n), (Some(Ending::Stuck), 60.0));
+}
+
+/// The right finger alone feels half as much again as both. The left one has no frame in some cycles of the plateau, or
+/// is lost for good before it, or for a while around the fall of a cap that opens.
+#[test]
+fn a_finger_that_drops_out_is_no_change_of_torque() {
+    let end = |both_mm: fn(f64) -> f64, is_torn: &dyn Fn(u64, f64) -> bool| {
+        let (mut bench, mut plateau_cycles_count) = (Bench::new(TaskKind::Unscrew), 0);
+        for _ in 0..1000 {
+            bench.slip = bench.angle_rad < -0.3;
+            plateau_cycles_count += u64::from(bench.force_n == 60.0 && bench.angle_rad < -0.8);
+            bench.sees_left = !is_torn(plateau_cycles_count, bench.angle_rad);
+            let share = if bench.sees_left { 1.0 } else { 1.5 };
+            if let Phase::Ended(ending) = bench.step(share * both_mm(bench.angle_rad)) {
+                return Some(ending);
+            }
+        }
+        None
+    };
+    let stuck = |rad: f64| (2.0 * rad).max(-1.5);
+    assert_eq!(end(stuck, &|cycles_count, _| cycles_count == 10), Some(Ending::Stuck), "one torn frame");
+    assert_eq!(end(stuck, &|cycles_count, _| cycles_count % 7 == 6), Some(Ending::Stuck), "one in seven");
+    assert_eq!(end(stuck, &|cycles_count, _| cycles_count % 2 == 0), Some(Ending::Stuck), "every second one");
+    assert_eq!(end(stuck, &|_, rad| rad > -0.4), Some(Ending::Stuck), "it comes back");
+    assert_eq!(end(stuck, &|_, rad| rad < -0.9), Some(Ending::Stuck), "it is lost");
+    let opens = |rad: f64| if rad > -0.5 { 2.0 * rad } else { -0.1 };
+    assert_eq!(end(opens, &|_, rad| rad > -0.55 && rad < -0.54), Some(Ending::Opened), "torn after the fall");
+    assert_eq!(end(opens, &|_, rad| rad < -0.4), Some(Ending::Opened), "lost before it");
 }
 
 /// The loop rate and the wrist speed must not affect how a task ends.
