@@ -89,14 +89,15 @@ impl FingerCounters {
         finger: &str,
         serial: &str,
     ) -> DiagnosticStatus {
-        let elapsed_s = now_ns.saturating_sub(self.counted_at_ns) as f64 * 1e-9;
+        let counted_at_ns = self.counted_at_ns;
+        let elapsed_s = now_ns.saturating_sub(counted_at_ns) as f64 * 1e-9;
         let reports_count = self.reports_count - self.reports_before_count;
         let received_count = self.received_count - self.received_before_count;
         let lost_count = self.lost_count() - self.lost_before_count;
         (self.counted_at_ns, self.reports_before_count) = (now_ns, self.reports_count);
         (self.lost_before_count, self.received_before_count) = (self.lost_count(), self.received_count);
         let unjudged_count = std::mem::take(&mut self.unjudged_count);
-        let rate_hz = if elapsed_s > 0.0 { reports_count as f64 / elapsed_s } else { 0.0 };
+        let rate_hz = (counted_at_ns > 0 && elapsed_s > 0.0).then(|| reports_count as f64 / elapsed_s);
         self.latencies_ns.sort_unstable();
         let quantile = |fraction: f64| {
             let at = (self.latencies_ns.len().saturating_sub(1) as f64 * fraction).round() as usize;
@@ -121,7 +122,7 @@ impl FingerCounters {
         let mut values = vec![
             value("lifecycle", lifecycle.label().into()),
             value("state", self.state.clone()),
-            value("rate_hz", format!("{rate_hz:.1}")),
+            value("rate_hz", rate_hz.map_or("unknown".into(), |rate_hz| format!("{rate_hz:.1}"))),
             value("latency_p50_ms", p50),
             value("latency_p99_ms", p99),
             value("received_count", self.received_count.to_string()),
@@ -144,7 +145,7 @@ mod tests {
     #[test]
     fn gaps_rates_and_latencies_are_counted() {
         let mut counters = FingerCounters { has_rest: true, ..FingerCounters::default() };
-        counters.status(1_000_000_000, State::Active, "slipbound", "left", "A");
+        let first = counters.status(1_000_000_000, State::Active, "slipbound", "left", "A");
         for seq in [0, 1, 4, 5] {
             counters.received(seq);
             counters.published(2_000_000_000, Some(2_000_000_000 - 1_000_000 * (seq + 1)), "stick");
@@ -154,6 +155,8 @@ mod tests {
         let value = |key: &str| status.values.iter().find(|v| v.key == key).map_or("", |v| v.value.as_str());
         assert_eq!((status.level, status.message.as_str()), (1, "2 pictures lost"));
         assert_eq!((value("missing_count"), value("rate_hz")), ("2", "2.5"));
+        let (rate, of_first) = (KeyValue { key: "rate_hz".into(), value: "unknown".into() }, first.values);
+        assert!(of_first.contains(&rate), "of no time yet: {of_first:?}");
         assert_eq!((value("latency_p50_ms"), value("latency_p99_ms")), ("5.00", "6.00"));
         let status = counters.status(4_000_000_000, State::Active, "slipbound", "left", "A");
         assert_eq!((status.level, status.message.as_str()), (3, "no pictures"));

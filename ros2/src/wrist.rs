@@ -95,7 +95,7 @@ impl Wrist for TopicWrist {
         let is_linked = self.heartbeat.check(now_ns()).map_err(lost);
         if command.motion != WristMotion::Pause {
             is_linked?;
-            self.zero.commanded(command.motion);
+            self.zero.commanded(now_ns(), command.motion);
             return self.commands.publish(message).map_err(|e| lost(e.to_string()));
         }
         self.commands.publish(message).map_err(|e| lost(e.to_string()))?;
@@ -120,6 +120,7 @@ impl Wrist for TopicWrist {
         if self.heartbeat.is_silent(now_ns) {
             self.zero.interrupted(self.state);
         }
+        self.zero.reported(now_ns);
         self.heartbeat.received(now_ns);
         self.state = Some(WristState { time_ns: now_ns, angle_rad, lowered_mm, moving });
     }

@@ -102,13 +102,14 @@ impl Loopback {
     }
 
     /// Runs the loop to its end; the world runs a second longer, and the truth at its end is in the scorer. Also returns
-    /// what the task waited for at the end, if its work had not begun.
+    /// what the task waited for at the end, if its work had not begun, and the blind force that the loop was left with, if
+    /// so, N per finger.
     pub fn run(
         mut self,
         stop: &AtomicBool,
         output: &mut QueuedOutput,
         scorer: &mut RunScorer,
-    ) -> (anyhow::Result<()>, Option<Missing>) {
+    ) -> (anyhow::Result<()>, Option<Missing>, Option<f64>) {
         let truth = scorer.truth.clone();
         let set_truth = |now: HandTruth| *truth.lock().unwrap_or_else(PoisonError::into_inner) = Some(now);
         let ran = self.try_run(stop, output, scorer, &set_truth);
@@ -121,7 +122,7 @@ impl Loopback {
         self.is_running.store(false, Ordering::Relaxed);
         let panicked = || Err(anyhow!("the simulated world broke down"));
         let ended = self.world.take().map_or(Ok(()), |world| world.join().unwrap_or_else(|_| panicked()));
-        (ran.and(ended), self.control.task().missing())
+        (ran.and(ended), self.control.task().missing(), self.control.left_with_n())
     }
 
     fn try_run(

@@ -40,16 +40,29 @@ fn a_cap_is_opened_and_the_recording_gives_the_same_commands_bit_for_bit() {
     assert!(again.status.success(), "{}", printed(&again));
     assert!(printed(&again).contains("every report and command the same"));
 
-    // A command that differs in its last bit is found.
+    // A command that differs in its last bit is found, and so is what led to it.
     let reports = run.join("reports.jsonl");
     let text = fs::read_to_string(&reports).expect("reports");
-    let changed =
-        text.replacen("\"jaws\":\"hold\",\"force_n\":20.0}", "\"jaws\":\"hold\",\"force_n\":20.000000000000004}", 1);
-    assert_ne!(text, changed);
-    fs::write(&reports, changed).expect("written");
-    let differs = slipbound(&["replay", path]);
-    assert_eq!(differs.status.code(), Some(1));
-    assert!(printed(&differs).contains("recorded hold with 20.000000000000004 N"), "{}", printed(&differs));
+    for (from, to, said) in [
+        (
+            "\"jaws\":\"hold\",\"force_n\":20.0}",
+            "\"jaws\":\"hold\",\"force_n\":20.000000000000004}",
+            "recorded hold with 20.000000000000004 N",
+        ),
+        (
+            "\"margin\":null,\"alarms_count\":0",
+            "\"margin\":0.25,\"alarms_count\":0",
+            "recorded a margin of 0.25, replayed none",
+        ),
+        ("\"margin\":null,\"alarms_count\":0", "\"margin\":null,\"alarms_count\":3", "recorded 3 alarms, replayed 0"),
+    ] {
+        let changed = text.replacen(from, to, 1);
+        assert_ne!(text, changed);
+        fs::write(&reports, changed).expect("written");
+        let differs = slipbound(&["replay", path]);
+        assert_eq!(differs.status.code(), Some(1), "{from}: {}", printed(&differs));
+        assert!(printed(&differs).contains(said), "{}", printed(&differs));
+    }
 }
 
 #[test]
@@ -159,6 +172,24 @@ fn a_run_that_a_fault_ends_is_a_row_of_the_table_of_trials() {
     let output = slipbound(&[&what[..], &["--seeds", "2", "--settings", settings]].concat());
     let told = printed(&output);
     assert!(told.contains("| lift | task | 0.9 | constant | 1 | 0 of 2 |"), "{told}");
+}
+
+/// The wrist is silent for good; the gripper still accepts a force.
+#[test]
+fn the_blind_force_with_which_a_demo_is_left_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, run) = (folder.path().join("settings.toml"), folder.path().join("run"));
+    fs::write(&file, "[grip]\nblind_force_n = 55.0\n").expect("written");
+    let settings = ["--settings", file.to_str().expect("UTF-8")];
+    let fault = ["--task", "lift", "--emulated", "wsg50", "--wrist-fault", "stall=60000@2500"];
+    let output = demo(&run, &[&fault[..], &settings].concat());
+    let told = printed(&output);
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    let left = "the loop was left: the grip rises to the blind force of 55.0 N";
+    let events = fs::read_to_string(run.join("events.jsonl")).expect("events");
+    assert!(told.contains(left) && events.contains(left), "{told}");
+    let largest = told.lines().find(|line| line.contains("largest force commanded")).expect("a row");
+    assert!(largest.contains("55.0 N"), "{told}");
 }
 
 /// Every file of a folder and its bytes, by its name.

@@ -46,4 +46,4 @@ pub use page::recording::RecordingPage;
 pub use recorder::RunRecorder;
 pub(crate) use recorder::lost_text;
 pub use replay::{Replay, ReplayError, Replayed};
-pub use words::duration;
+pub use words::{duration, left_in_words};

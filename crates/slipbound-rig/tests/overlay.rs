@@ -212,6 +212,23 @@ fn what_cannot_be_written_ends_the_overlay_with_its_reason() {
 }
 
 #[test]
+fn a_torn_frame_without_a_time_does_not_take_the_times_of_the_others_from_the_page() {
+    let (monitor, _, report) = slipping();
+    let label = |times_ns: &[Option<u64>]| {
+        let mut page = RecordingPage::new("a clip", "left", None, &monitor);
+        for (seq, &time_ns) in (0..).zip(times_ns) {
+            page.see(&if seq == 1 { monitor.torn(seq, time_ns) } else { SlipReport { seq, time_ns, ..report } });
+        }
+        let html = page.html(&ReportSummary::new());
+        (html.contains("time, s<"), html.contains("number of the frame<"), html.contains("0.06 s</b> from the first"))
+    };
+    let ms = |ms: u64| Some(ms * 1_000_000);
+    assert_eq!(label(&[ms(1000), None, ms(1060)]), (true, false, true));
+    assert_eq!(label(&[None, None, None]), (false, true, false));
+    assert_eq!(label(&[ms(1000), None, None]), (false, true, false), "a whole frame without one");
+}
+
+#[test]
 fn the_page_of_a_recording_tells_once_from_which_slip_on_there_is_no_picture() {
     let (monitor, pixels, report) = slipping();
     let frame = buffer(&pixels);

@@ -183,6 +183,7 @@ fn run_cycles(
         &mut || due.is_due(now_ns()),
         &mut observer,
     );
+    let left_with_n = control_loop.left_with_n();
     let held_n = gripper.poll().ok().and_then(|state| state.pressed_n());
     let ((recorder, console), ((reports, _), score)) = observer;
     console.finish(LONGEST_OTHERS);
@@ -198,9 +199,11 @@ fn run_cycles(
         row("ended", ending.map_or_else(unfinished, |ending| ending.name().into())),
         row(&format!("time {until}"), lasted),
         row("alarms", score.alarms_count.to_string()),
-        row("largest force commanded", format!("{:.1} N", score.most_n)),
+        row("largest force commanded", format!("{:.1} N", score.most_n.max(left_with_n.unwrap_or(0.0)))),
         row("grip at the end", held_n.map_or("unknown".into(), |n| format!("{n:.1} N per finger"))),
     ];
+    let left = left_with_n.map(run::left_in_words);
+    left.iter().for_each(|line| say(line));
     images.iter().for_each(|(line, _)| say(&format!("  {line}")));
     rows.iter().for_each(|row| say(&format!("  {:<28}{}", row.name, row.value)));
     match recorder {
@@ -211,6 +214,7 @@ fn run_cycles(
             if let Err(e) = &ran {
                 recorder.note(now_ns(), &e.to_string());
             }
+            left.iter().for_each(|line| recorder.note(now_ns(), line));
             if let (count @ 1.., Some(first)) = recorder.failures() {
                 lost.push(format!("{count} times something could not be written, the first: {first}"));
             }

@@ -33,11 +33,13 @@ use std::time::Instant;
 /// The outcome of a run: its score, its last time in ns, how far it came, and what it waited for.
 type RunOutcome = (anyhow::Result<()>, RunScore, u64, Reached, Option<Missing>);
 
-/// What the task was doing last, and the first lower force that the gripper refused.
+/// What the task was doing last, the first lower force that the gripper refused, and the blind force that the loop was
+/// left with, if so, N per finger.
 #[derive(Default)]
 struct Reached {
     phase: Option<Phase>,
     refused_lowering: Option<String>,
+    left_with_n: Option<f64>,
 }
 
 impl CycleObserver for Reached {
@@ -142,14 +144,14 @@ impl Demo {
         if let Some(clamped) = clamped {
             output.note(0, &clamped);
         }
-        let (ran, score, now_ns, reached, missing) = match self.emulated.as_ref().filter(|_| self.sockets) {
+        let (ran, mut score, now_ns, reached, missing) = match self.emulated.as_ref().filter(|_| self.sockets) {
             Some(emulated) => {
                 let loopback = Loopback::start(&scene, &settings, &monitor, self.fault, emulated, &faults)?;
                 let (mut queued, mut scorer) = (output.queued(keeps_frames), RunScorer::new(settings.grip.most_n));
-                let (ran, missing) = loopback.run(&stop, &mut queued, &mut scorer);
+                let (ran, missing, left_with_n) = loopback.run(&stop, &mut queued, &mut scorer);
                 output = queued.finish();
                 let RunScorer { score, phase, refused_lowering, .. } = scorer;
-                (ran, score, now_ns(), Reached { phase, refused_lowering }, missing)
+                (ran, score, now_ns(), Reached { phase, refused_lowering, left_with_n }, missing)
             }
             None => self.in_lock_step(&scene, lockstep, &faults, &stop, &mut output)?,
         };
@@ -158,6 +160,10 @@ impl Demo {
         let broke_off = ran.as_ref().err().map(terminal::in_words);
         if let Some(why) = &broke_off {
             output.note(now_ns, why);
+        }
+        if let Some(force_n) = reached.left_with_n {
+            output.note(now_ns, &run::left_in_words(force_n));
+            score.most_n = score.most_n.max(force_n);
         }
         let (seconds, took_s) = (now_ns as f64 * 1e-9, began.elapsed().as_secs_f64());
         run_recording::finish(recorder, &mut output);
@@ -198,6 +204,7 @@ impl Demo {
         let ran = lockstep.run(&|| stop.load(Ordering::Relaxed), &mut (&mut *output, &mut reached));
         let mut score = lockstep.score().clone();
         score.add_truth(&lockstep.hand().truth());
+        reached.left_with_n = lockstep.control().left_with_n();
         let missing = lockstep.control().task().missing();
         Ok((ran.map_err(Into::into), score, lockstep.hand().now_ns(), reached, missing))
     }

@@ -185,7 +185,7 @@ impl Gcl {
         let Some(motion) = self.motion.take_if(|motion| motion.has_ended(grasp, now_ns, wait_ns)) else { return };
         match (motion.name, grasp) {
             ("GRIP", Some(grasp::HOLDING | grasp::NO_PART | grasp::PART_LOST)) => {}
-            ("GRIP", _) => self.refuse_grip(driver, "an end that was not understood".into()),
+            ("GRIP", _) => self.refuse_grip(driver, self.gripped_n, "an end that was not understood".into()),
             (_, Some(grasp::IDLE)) => {}
             (name, _) => self.forget_release(name),
         }
@@ -246,7 +246,7 @@ impl Gcl {
         }
         let name = match sent {
             Some(message) => {
-                self.goal = self.goal.after_failure(message.force_n().is_some());
+                self.goal = self.goal.after_failure(message.goal());
                 message.name()
             }
             None => match self.motion.take_if(|motion| motion.name == name) {
@@ -271,6 +271,9 @@ impl Gcl {
                 self.is_regrip_refused = true;
                 // A command that was never answered was denied as well: it holds with the last answered one.
                 self.is_in_doubt = false;
+                if self.goal != Goal::Open {
+                    self.goal = Goal::Keep; // a newer force would be denied as well
+                }
                 driver.settle_target(self.gripped_n);
                 driver.raise_refused("a new force while holding", "a GRIP that is denied; take wsg50://");
             }
@@ -284,7 +287,7 @@ impl Gcl {
             (_, status) => {
                 self.is_unhomed |= status == status::NOT_INITIALIZED;
                 match name {
-                    "GRIP" => self.refuse_grip(driver, why),
+                    "GRIP" => self.refuse_grip(driver, sent.and_then(Message::force_n).or(self.gripped_n), why),
                     _ => driver.raise_refused(name, why),
                 }
             }
@@ -295,14 +298,15 @@ impl Gcl {
     fn report_failed_grip(&mut self, driver: &mut DriverState) {
         let Some(failed) = self.failed_grip.take() else { return };
         if !matches!(self.questions.grasp, Some(grasp::NO_PART | grasp::PART_LOST)) {
-            self.refuse_grip(driver, failed.why);
+            self.refuse_grip(driver, self.gripped_n, failed.why);
         }
     }
 
-    /// The gripper did not grip; the command is sent again when it is requested again.
-    fn refuse_grip(&mut self, driver: &mut DriverState, why: String) {
+    /// The gripper did not grip with `force_n`, N per finger; the command is sent again when it is requested again.
+    fn refuse_grip(&mut self, driver: &mut DriverState, force_n: Option<f64>, why: String) {
         if !self.is_holding() {
-            (self.goal, self.gripped_n) = (self.goal.after_failure(true), None);
+            let failed = Goal::Hold { force_n: force_n.or(self.goal.force_n()).unwrap_or_default() };
+            (self.goal, self.gripped_n) = (self.goal.after_failure(failed), None);
         }
         driver.raise_refused("GRIP", why);
     }
@@ -377,9 +381,10 @@ impl Protocol for Gcl {
             Some(Message::Question(name)) => self.questions.miss(driver, name),
             // It may have arrived: the same request is sent again when repeated.
             Some(message) => {
-                // A stop that was never answered was to make way for the release.
-                let is_before = message.force_n().is_some() || message == Message::Command("STOP");
-                self.goal = self.goal.after_failure(is_before);
+                // A stop that was never answered was to make way for the goal.
+                if message != Message::Command("STOP") {
+                    self.goal = self.goal.after_failure(message.goal());
+                }
                 (self.is_in_doubt, self.is_release_given) = (true, false);
                 driver.doubt_target(message.force_n());
                 driver.raise_unanswered(message.name());

@@ -19,9 +19,11 @@ pub(crate) enum Goal {
 }
 
 impl Goal {
-    /// What is left of it once a command has failed: a release that was requested after a grip stays.
-    pub fn after_failure(self, was_grip: bool) -> Self {
-        if was_grip && self == Goal::Open { Goal::Open } else { Goal::Keep }
+    /// What is left of it once a command for this goal has failed: another force, or a release, that was requested since
+    /// stays.
+    pub fn after_failure(self, failed: Self) -> Self {
+        let is_of_jaws = |goal: Self| matches!(goal, Goal::Hold { .. } | Goal::Open);
+        if is_of_jaws(self) && is_of_jaws(failed) && self != failed { self } else { Goal::Keep }
     }
 
     /// The force to hold with, N per finger.

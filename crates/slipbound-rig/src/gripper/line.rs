@@ -80,7 +80,7 @@ impl LineGripper {
             }
             Answer::Err { number, why } => {
                 if let Some(sent) = self.take_in_flight(number) {
-                    self.goal = self.goal.after_failure(sent.goal.force_n().is_some());
+                    self.goal = self.goal.after_failure(sent.goal);
                     driver.raise_refused("a command", format!("`{why}`"));
                 }
             }
@@ -94,7 +94,7 @@ impl LineGripper {
     /// The other side has accepted a command, in these words.
     fn take_over(&mut self, driver: &mut DriverState, sent: &Command, words: &str) {
         if sent.words != words {
-            (self.goal, self.done) = (self.goal.after_failure(sent.goal.force_n().is_some()), Goal::Keep);
+            (self.goal, self.done) = (self.goal.after_failure(sent.goal), Goal::Keep);
             let got = format!("`{words}` taken over instead of `{}`", sent.words);
             return driver.raise_refused("a command", got);
         }
@@ -176,10 +176,10 @@ impl Protocol for LineGripper {
 
     fn tick(&mut self, driver: &mut DriverState) {
         if let Some(sent) = InFlight::take_overdue(&mut self.in_flight, driver.now_ns(), driver.config.reply_ms) {
-            let force_n = sent.message.goal.force_n();
-            driver.doubt_target(force_n);
+            let goal = sent.message.goal;
+            driver.doubt_target(goal.force_n());
             // It may have arrived: the other side reports the force with which it holds.
-            (self.goal, self.done) = (self.goal.after_failure(force_n.is_some()), Goal::Keep);
+            (self.goal, self.done) = (self.goal.after_failure(goal), Goal::Keep);
             driver.raise_unanswered("a command");
         }
     }

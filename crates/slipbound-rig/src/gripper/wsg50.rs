@@ -137,6 +137,21 @@ impl Wsg50 {
         }
     }
 
+    /// What is left of the goal once a command has failed: what was requested since stays.
+    fn goal_after_failure(&self, driver: &DriverState, command: Command) -> Goal {
+        let own_n = |force_n| f64::from(driver.config.to_own_n(force_n) as f32);
+        let is_newer = match (command, self.goal) {
+            (Command::SetLimit { own_n: sent_n }, Goal::Hold { force_n }) => own_n(force_n) != sent_n,
+            (Command::Grasp, Goal::Hold { force_n }) => {
+                self.telemetry.limit_own_n.is_some_and(|limit_n| own_n(force_n) != limit_n)
+            }
+            (Command::SetLimit { .. } | Command::Grasp, Goal::Open) => true,
+            (Command::Release | Command::Move, Goal::Hold { .. }) => true,
+            _ => false,
+        };
+        if is_newer { self.goal } else { Goal::Keep }
+    }
+
     /// An opening motion that failed is given again with the next command to release.
     fn forget_release(&mut self, command: Command) {
         if matches!(command, Command::Release | Command::Move) && self.goal == Goal::Open {
@@ -258,7 +273,7 @@ impl Wsg50 {
             (Command::Home | Command::Grasp | Command::Release | Command::Move, status::OK | status::ABORTED) => {}
             (Command::Disconnect, _) => {}
             (command, code) => {
-                self.goal = self.goal.after_failure(command.is_grip());
+                self.goal = self.goal_after_failure(driver, command);
                 self.forget_grasp(command);
                 driver.raise_refused(command.name(), status::in_words(code));
             }
@@ -324,13 +339,21 @@ impl Wsg50 {
                 }
                 command => {
                     driver.doubt_target(command.force_n(driver));
-                    // A stop that was never answered was to make way for the release.
-                    self.goal = self.goal.after_failure(command.is_grip() || command == Command::Stop);
+                    // A stop that was never answered was to make way for the goal.
+                    if command != Command::Stop {
+                        self.goal = self.goal_after_failure(driver, command);
+                    }
                     self.forget_grasp(command);
                     self.telemetry.limit_own_n = None; // it may have arrived: ask
                     driver.raise_unanswered(command.name());
                 }
             }
+        }
+        // A release after a stop waits to be told what is held: not for ever, and it is not given long afterwards.
+        let waits_to_open = self.goal == Goal::Open && self.phase == Phase::Idle && self.telemetry.is_grasp_old;
+        if waits_to_open && self.telemetry.jaws_untold_since_ns(driver).is_some() {
+            self.goal = Goal::Keep;
+            driver.raise_unanswered(Command::Release.name());
         }
         let motion_ns = driver.config.motion_ms * 1_000_000;
         if let Some((command, since_ns)) = self.phase.motion()

@@ -93,6 +93,13 @@ impl fmt::Display for Difference {
         if a.hand != b.hand {
             write!(f, "; the hand's report differs")?;
         }
+        if a.margin.map(f64::to_bits) != b.margin.map(f64::to_bits) {
+            let words = |margin: Option<f64>| margin.map_or("none".into(), |margin| margin.to_string());
+            write!(f, "; recorded a margin of {}, replayed {}", words(a.margin), words(b.margin))?;
+        }
+        if a.alarms_count != b.alarms_count {
+            write!(f, "; recorded {} alarms, replayed {}", a.alarms_count, b.alarms_count)?;
+        }
         Ok(())
     }
 }
@@ -209,8 +216,9 @@ impl Replay {
 
 /// The same commands bit for bit, and the same report.
 fn is_same(recorded: &Cycle, replayed: &Cycle) -> bool {
-    let bits = |cycle: &Cycle| cycle.grip_command.force_n().map(f64::to_bits);
+    let bits = |cycle: &Cycle| [cycle.grip_command.force_n(), cycle.margin].map(|value| value.map(f64::to_bits));
     bits(recorded) == bits(replayed)
+        && recorded.alarms_count == replayed.alarms_count
         && recorded.grip_command == replayed.grip_command
         && recorded.wrist_command == replayed.wrist_command
         && recorded.phase == replayed.phase

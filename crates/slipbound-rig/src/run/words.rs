@@ -46,6 +46,12 @@ pub fn duration(ended_s: Option<f64>, last_s: f64, ending: Option<Ending>) -> (S
     (format!("{:.2} s", ended_s.unwrap_or(last_s)), until)
 }
 
+/// That a loop was left with the blind force ([`ControlLoop::left_with_n`](slipbound::control::ControlLoop::left_with_n)),
+/// N per finger.
+pub fn left_in_words(force_n: f64) -> String {
+    format!("the loop was left: the grip rises to the blind force of {force_n:.1} N")
+}
+
 /// What a cycle commanded, and in which phase.
 pub(super) fn commanded(cycle: &Cycle) -> String {
     let grip = match cycle.grip_command {

@@ -88,7 +88,7 @@ impl LineWrist {
             WristMotion::Pause => ask("PAUSE", &[]),
         };
         self.link.check(now_ns).map_err(|problem| self.link_error(problem))?;
-        self.zero.commanded(command.motion);
+        self.zero.commanded(now_ns, command.motion);
         // A pause waits for nothing.
         if command.motion == WristMotion::Pause {
             self.next = None;
@@ -190,6 +190,7 @@ impl LineWrist {
             return;
         };
         self.link.heard(now_ns);
+        self.zero.reported(now_ns);
         self.incomplete = None;
         let moving = number_of(rest, "moving") == Some(1.0);
         self.state = Some(WristState { time_ns: now_ns, angle_rad, lowered_mm, moving });

@@ -2,39 +2,44 @@
 
 use super::error::Error;
 use slipbound::port::{LONGEST_TIME_TO_LIVE_NS, WristMotion, WristState};
+use std::collections::VecDeque;
 
 /// Longest time without a position, ms.
 pub(super) const SILENCE_MS: u64 = 300;
 
-/// How long a motion can go on after the last report of a link that is lost, s: until the silence is noticed, and until
+/// How long a motion can go on after the last report of a link that is lost, ns: until the silence is noticed, and until
 /// the motion expires.
-const UNSEEN_S: f64 = (SILENCE_MS as f64 * 1e6 + LONGEST_TIME_TO_LIVE_NS as f64) * 1e-9;
+const UNSEEN_NS: u64 = SILENCE_MS * 1_000_000 + LONGEST_TIME_TO_LIVE_NS;
 
 /// How far a wrist at rest may be from where its motion ended.
 const SLACK_RAD: f64 = 0.05;
 const SLACK_MM: f64 = 1.0;
-
-/// A slower motion may not arrive, and the faster one before it go on.
-fn widen(most: &mut f64, rate_per_s: f64) {
-    *most = most.max(rate_per_s.abs() * UNSEEN_S);
-}
 
 /// Compares the first position after an interruption with the last one before it.
 #[derive(Debug, Default)]
 pub struct ZeroCheck {
     /// The last position before the interruption, until one continues it.
     before: Option<WristState>,
-    /// How far the fastest motions so far can go unreported when the link is lost: angle in rad and lowering in mm.
-    most: [f64; 2],
+    /// When the motions were sent that had not expired by the last report, ns, and how far each can go unreported when the
+    /// link is lost: angle in rad and lowering in mm. A slower one may not arrive, and the faster one before it go on.
+    sent: VecDeque<(u64, [f64; 2])>,
 }
 
 impl ZeroCheck {
     /// A motion is sent.
-    pub fn commanded(&mut self, motion: WristMotion) {
-        match motion {
-            WristMotion::Turn { rate_rad_per_s, .. } => widen(&mut self.most[0], rate_rad_per_s),
-            WristMotion::Lower { rate_mm_per_s, .. } => widen(&mut self.most[1], rate_mm_per_s),
-            WristMotion::Pause => {} // it may not arrive
+    pub fn commanded(&mut self, now_ns: u64, motion: WristMotion) {
+        let rates_per_s = match motion {
+            WristMotion::Turn { rate_rad_per_s, .. } => [rate_rad_per_s, 0.0],
+            WristMotion::Lower { rate_mm_per_s, .. } => [0.0, rate_mm_per_s],
+            WristMotion::Pause => return, // it may not arrive
+        };
+        self.sent.push_back((now_ns, rates_per_s.map(|rate_per_s| rate_per_s.abs() * UNSEEN_NS as f64 * 1e-9)));
+    }
+
+    /// A position is reported. A motion sent long before has expired, unless the position is yet to be compared.
+    pub fn reported(&mut self, now_ns: u64) {
+        while !self.is_open() && self.sent.front().is_some_and(|(sent_ns, _)| sent_ns + UNSEEN_NS < now_ns) {
+            self.sent.pop_front();
         }
     }
 
@@ -52,9 +57,10 @@ impl ZeroCheck {
     /// one ends the comparison. `address` is for the message.
     pub fn check(&mut self, address: &str, now: &WristState) -> Result<(), Error> {
         let Some(before) = self.before else { return Ok(()) };
+        let most = |axis: usize| self.sent.iter().map(|(_, most)| most[axis]).fold(0.0, f64::max);
         let pairs = [
-            ("angle_rad", before.angle_rad, now.angle_rad, self.most[0] + SLACK_RAD),
-            ("lowered_mm", before.lowered_mm, now.lowered_mm, self.most[1] + SLACK_MM),
+            ("angle_rad", before.angle_rad, now.angle_rad, most(0) + SLACK_RAD),
+            ("lowered_mm", before.lowered_mm, now.lowered_mm, most(1) + SLACK_MM),
         ];
         for (key, expected, got, most) in pairs {
             if (got - expected).abs() > most {

@@ -215,6 +215,38 @@ fn a_motion_that_still_runs_is_not_taken_for_over() {
     assert!(!scripted.driver.is_busy());
 }
 
+/// The state before it and after it is the same, and a short one may run between two questions.
+#[test]
+fn a_regrip_and_a_short_move_whose_end_is_lost_are_over_without_a_fault() {
+    let mut held = Scripted::gripping();
+    held.say("ACK GRIP");
+    held.state = 1;
+    held.run(100);
+    held.state = 4;
+    held.run(100);
+    held.say("FIN GRIP");
+    let harder = Request::Grip(GripCommand::Hold { force_n: 30.0 });
+    held.driver.request(held.now_ns, harder).expect("taken over");
+    assert!(held.run(100));
+    held.say("ACK GRIP");
+
+    let mut open = Scripted::gripping();
+    open.say("ERR GRIP 18");
+    open.error_within(600);
+    open.commands.clear();
+    open.release();
+    open.run(100);
+    assert_eq!(open.commands, ["MOVE(110.00,50.00)"]);
+    open.say("ACK MOVE");
+
+    for (name, mut scripted) in [("GRIP", held), ("MOVE", open)] {
+        scripted.run(300);
+        assert!(scripted.driver.is_busy(), "{name}: the end may still come");
+        assert_eq!(scripted.error_within(12_000), None, "{name}");
+        assert!(!scripted.driver.is_busy(), "{name}");
+    }
+}
+
 #[test]
 fn a_grip_that_ended_idle_without_a_word_is_told_and_given_again_on_request() {
     let mut scripted = Scripted::gripping();

@@ -297,7 +297,8 @@ fn a_wrist_on_a_new_link_is_nowhere_until_it_says_where() {
     assert_eq!(arm.wrist.report(arm.now_ns).expect("there").angle_rad, before_rad);
 }
 
-/// The wrist stands at 0.06 rad and 3 mm when the link is cut. On the new one it reports another position.
+/// The wrist stands at 0.06 rad and 3 mm when the link is cut, with two motions on their way. On the new one it reports
+/// another position.
 #[test]
 fn a_wrist_that_counts_from_a_new_zero_is_a_fault_until_it_is_where_it_was() {
     let mut arm = Arm::new("");
@@ -305,6 +306,8 @@ fn a_wrist_that_counts_from_a_new_zero_is_a_fault_until_it_is_where_it_was() {
     arm.run(1000);
     arm.command(WristMotion::Lower { rate_mm_per_s: 15.0, most_mm: 3.0 }).expect("taken over");
     arm.run(1000);
+    arm.command(turn(0.3, 1.0)).expect("taken over");
+    arm.command(WristMotion::Lower { rate_mm_per_s: 15.0, most_mm: 3.0 }).expect("taken over");
     let relinked = |arm: &mut Arm, angle_rad: f64, lowered_mm: f64| {
         arm.wrist.unlinked(arm.now_ns, "cut");
         arm.wrist.linked(arm.now_ns);
@@ -333,6 +336,22 @@ fn a_wrist_that_counts_from_a_new_zero_is_a_fault_until_it_is_where_it_was() {
     arm.wrist.linked(arm.now_ns);
     arm.wrist.receive(arm.now_ns, b"HELLO slipbound-line 1\n");
     assert!(relinked(&mut arm, 0.3, -9.0).is_err(), "it still counts from the last position that it said");
+}
+
+/// A fast motion has expired a second ago, while the wrist told where it is.
+#[test]
+fn how_far_a_wrist_may_have_gone_unheard_does_not_count_from_a_motion_long_over() {
+    let mut arm = Arm::new("");
+    arm.command(WristMotion::Lower { rate_mm_per_s: 40.0, most_mm: 3.0 }).expect("taken over");
+    arm.run(1000);
+    arm.command(WristMotion::Lower { rate_mm_per_s: 2.0, most_mm: 3.0 }).expect("taken over");
+    arm.run(100);
+    let from_mm = arm.wrist.report(arm.now_ns).expect("there").lowered_mm;
+    arm.wrist.unlinked(arm.now_ns, "cut");
+    arm.wrist.linked(arm.now_ns);
+    arm.wrist.receive(arm.now_ns, format!("WRIST angle_rad 0 lowered_mm {}\n", from_mm - 10.0).as_bytes());
+    let text = arm.wrist.report(arm.now_ns).expect_err("10 mm away").to_string();
+    assert!(text.contains("lowered_mm within 2 of"), "{text}");
 }
 
 fn turn(rate_rad_per_s: f64, most_rad: f64) -> WristMotion {

@@ -189,6 +189,48 @@ fn a_text_interface_may_call_its_errors_by_name() {
     }
 }
 
+/// The numbers of what a WSG-50 was sent since the last call.
+fn sent_ids(driver: &mut Driver) -> Vec<u8> {
+    let (sent, mut ids) = (std::mem::take(driver.outgoing()), Vec::new());
+    frame::Parser::default().feed(&sent, |frame| ids.push(frame.id));
+    ids
+}
+
+/// A grasp under way is stopped for a release, and whether the part is still held is not told any more.
+#[test]
+fn a_release_that_waits_for_a_wsg50_to_say_what_it_holds_does_not_wait_for_ever() {
+    let mut driver = grasping();
+    say(&mut driver, 3, 0x32, 0);
+    say(&mut driver, 4, 0x25, 26);
+    let states = |driver: &mut Driver, at_ms: u64, ids: &[u8]| {
+        let mut bytes = Vec::new();
+        for (id, rest) in [(0x40, &[1u8, 0, 0, 0][..]), (0x41, &[4]), (0x43, &50f32.to_le_bytes())] {
+            if ids.contains(&id) {
+                frame::write(&mut bytes, id, &[&[0, 0], rest].concat());
+            }
+        }
+        driver.receive(at_ms * MS, &bytes);
+        driver.tick(at_ms * MS);
+    };
+    states(&mut driver, 5, &[0x40, 0x41, 0x43]);
+    driver.request(6 * MS, Request::Grip(GripCommand::Release)).expect("taken over");
+    assert!(sent_ids(&mut driver).contains(&0x22), "it is stopped first");
+    say(&mut driver, 7, 0x22, 0);
+    let mut told = Vec::new();
+    for at_ms in (10..2000).step_by(10) {
+        states(&mut driver, at_ms, &[0x40, 0x43]);
+        told.extend(driver.state(at_ms * MS).err().map(|error| error.to_string()));
+    }
+    assert!(told.iter().any(|text| text.contains("release")), "{:?}", told.last());
+    assert!(told.last().is_some_and(|text| text.contains("what the jaws do")), "{:?}", told.last());
+    assert!(!driver.is_busy());
+    sent_ids(&mut driver);
+    states(&mut driver, 2010, &[0x40, 0x41, 0x43]);
+    assert!(!sent_ids(&mut driver).contains(&0x26), "it is not released so late without a new request");
+    driver.request(2020 * MS, Request::Grip(GripCommand::Release)).expect("told again");
+    assert!(sent_ids(&mut driver).contains(&0x26));
+}
+
 /// Answers of a Robotiq at its socket, byte by byte with pauses, its faults in three ways of writing.
 #[test]
 fn a_robotiq_may_pause_within_an_answer_and_write_its_faults_in_any_way() {
@@ -236,6 +278,31 @@ fn a_robotiq_may_pause_within_an_answer_and_write_its_faults_in_any_way() {
             assert!(state.opening_mm.is_some_and(|mm| mm < 0.01), "POS 230, {pause_ms} ms: {state:?}");
         }
     }
+}
+
+/// Its first answer comes shortly before it is given up, and in two pieces.
+#[test]
+fn a_robotiqs_late_first_answer_is_not_read_before_its_second_piece() {
+    let mut driver = driver("robotiq", config("robotiq"));
+    driver.linked(0);
+    let mut asked_ns = None;
+    for now_ns in (0..5000).map(|ms| ms * MS) {
+        driver.tick(now_ns);
+        if std::mem::take(driver.outgoing()) == b"GET POS\n" {
+            asked_ns.get_or_insert(now_ns);
+        }
+        let late_ms = asked_ns.map_or(0, |asked_ns| (now_ns - asked_ns) / MS);
+        match late_ms.checked_sub(config("robotiq").reply_ms - 9) {
+            Some(0) => driver.receive(now_ns, b"POS 1"),
+            Some(3) => driver.receive(now_ns, b"17\n"),
+            _ => {}
+        }
+    }
+    assert!(asked_ns.is_some());
+    let strays: Vec<_> = std::iter::from_fn(|| driver.next_event())
+        .filter(|event| matches!(event, DriverEvent::Garbled { .. }))
+        .collect();
+    assert_eq!(strays, []);
 }
 
 /// A gripper that ends its lines late: the complete answer, and its end 300 ms later. It reads later questions

@@ -251,6 +251,23 @@ fn a_gripper_that_no_longer_tells_its_opening_opens_wide_and_is_homed_after_a_re
     bench.request(Request::Home).expect("open jaws hold nothing");
 }
 
+/// What a loop is left with is asked for once: the grip before it must not take it along.
+#[test]
+fn a_force_requested_while_an_older_one_is_on_its_way_is_set_though_the_older_one_is_never_answered() {
+    let pressed_n = NAMES.map(|name| {
+        let mut bench = Bench::holding(name, config(name), "allow-regrasp", 40.0);
+        assert!(lose_answers(&mut bench, name, hold(60.0), 100).is_none(), "{name}: it is waited for");
+        let error = lose_answers(&mut bench, name, hold(70.0), 2000);
+        // On a serial line the newer one is in flight by then, as silent as the older one.
+        let is_told = matches!(error, Some(Error::Unanswered { .. }));
+        assert!(is_told || name == "robotiq-rtu", "{name}: {error:?}");
+        bench.run(3000);
+        assert!(!bench.driver.is_busy(), "{name}");
+        bench.plant.force_n
+    });
+    assert!(pressed_n.iter().all(|force_n| (force_n - 70.0).abs() < 0.7), "{NAMES:?}: {pressed_n:?} N");
+}
+
 /// The grip is refused, or its answer is lost.
 #[test]
 fn a_release_requested_while_a_grip_is_on_its_way_is_given_whatever_becomes_of_the_grip() {

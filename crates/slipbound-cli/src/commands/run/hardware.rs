@@ -206,7 +206,7 @@ impl Hardware {
             output.note(now_ns(), &terminal::in_words(e));
         }
         if let Some(force_n) = left_with_n {
-            output.note(now_ns(), &format!("the loop was left: the grip rises to the blind force of {force_n:.1} N"));
+            output.note(now_ns(), &run::left_in_words(force_n));
         }
         run_recording::finish(recorder, &mut output);
         let (name, is_hold) = (work.name, work.is_hold);

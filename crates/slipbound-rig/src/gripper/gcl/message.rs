@@ -1,5 +1,7 @@
 //! What is sent to a WSG-50 at its text interface.
 
+use crate::gripper::goal::Goal;
+
 /// Questions, asked in turn.
 pub(super) const QUESTIONS: [&str; 3] = ["POS", "FORCE", "GRIPSTATE"];
 
@@ -19,6 +21,15 @@ impl Message {
         match self {
             Message::Question(name) | Message::Command(name) => name,
             Message::Grip { .. } => "GRIP",
+        }
+    }
+
+    /// The goal of the jaws that it is for; `Keep` where it is for none.
+    pub fn goal(self) -> Goal {
+        match self {
+            Message::Grip { force_n } => Goal::Hold { force_n },
+            Message::Command("RELEASE" | "MOVE") => Goal::Open,
+            Message::Question(_) | Message::Command(_) => Goal::Keep,
         }
     }
 

@@ -20,18 +20,19 @@ impl Motion {
     }
 
     /// A new state of the jaws. Returns whether the motion has ended although nothing said so: its end may have been
-    /// lost or garbled. `wait_ns` is how late that may come.
+    /// lost or garbled. `wait_ns` is how late that may come, or a motion may begin.
     pub fn has_ended(&mut self, state: Option<u8>, now_ns: u64, wait_ns: u64) -> bool {
-        let running = match self.name {
-            "GRIP" => grasp::GRASPING,
-            "RELEASE" => grasp::RELEASING,
-            "MOVE" => grasp::POSITIONING,
+        let (running, done) = match self.name {
+            "GRIP" => (grasp::GRASPING, grasp::HOLDING),
+            "RELEASE" => (grasp::RELEASING, grasp::IDLE),
+            "MOVE" => (grasp::POSITIONING, grasp::IDLE),
             _ => return false, // homing has no state of its own
         };
         if state == Some(running) {
             self.state = state;
         }
-        if state.is_none() || state == self.state {
+        // A short one, or a grip of what is held, may begin and end in the same state between two questions.
+        if state.is_none() || (state == self.state && state != Some(done)) {
             self.ended_ns = None;
             return false;
         }

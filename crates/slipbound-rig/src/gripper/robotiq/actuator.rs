@@ -143,9 +143,10 @@ impl Actuator {
         driver.doubt_target(goal.force_n());
     }
 
-    /// What was sent for this goal is not done. A release that was requested after a grip stays.
+    /// What was sent for this goal is not done. Another force, or a release, that was requested since stays.
     pub fn abandon(&mut self, goal: Goal) {
-        if goal.force_n().is_none() || !matches!(self.goal, Goal::Open { .. }) {
+        let is_of_jaws = |goal: Goal| matches!(goal, Goal::Hold { .. } | Goal::Open { .. });
+        if !is_of_jaws(goal) || !is_of_jaws(self.goal) || self.goal == goal {
             (self.goal, self.is_homing) = (Goal::Keep, false);
         }
     }

@@ -127,10 +127,11 @@ impl Socket {
         self.pass_over(message);
         let end = self.buffer.iter().position(|byte| *byte == b'\n');
         let quiet_ns = driver.now_ns().saturating_sub(self.received_ns);
-        let is_quiet = match self.ends_lines {
-            Some(ends_lines) => !ends_lines && quiet_ns >= QUIET_NS,
+        let may_be_endless = match self.ends_lines {
+            Some(ends_lines) => !ends_lines,
             None => age_ns + 2 * QUIET_NS >= driver.config.reply_ms * 1_000_000,
         };
+        let is_quiet = may_be_endless && quiet_ns >= QUIET_NS; // else the rest of it may be on its way
         let is_acknowledged = matches!(message, Message::Set(_)) && self.buffer.starts_with(ACKNOWLEDGED);
         // A line end that is still to come belongs to the answer, and may take as long again.
         let is_endless = self.ends_lines == Some(false);

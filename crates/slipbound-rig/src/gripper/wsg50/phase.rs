@@ -95,11 +95,6 @@ impl Command {
         }
     }
 
-    /// Whether it is part of gripping with a force.
-    pub fn is_grip(self) -> bool {
-        matches!(self, Command::SetLimit { .. } | Command::Grasp)
-    }
-
     /// For messages.
     pub fn name(self) -> &'static str {
         match self {

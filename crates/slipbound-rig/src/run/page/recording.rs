@@ -22,7 +22,7 @@ use crate::printable::without_passwords;
 use crate::report_summary::{ReportSummary, state_name};
 use crate::run::thinned::Thinned;
 use slipbound::events::SlipEvent;
-use slipbound::monitor::{Estimate, SlipMonitor, SlipReport, SlipState};
+use slipbound::monitor::{Estimate, Reason, SlipMonitor, SlipReport, SlipState};
 use slipbound::plane::Vec2;
 use slipbound::port::FrameBuffer;
 use slipbound::sensor::Sensor;
@@ -158,14 +158,18 @@ impl RecordingPage {
         PageText(self, summary).to_string()
     }
 
-    /// Whether frames carry times; where one does not, all are shown by number.
+    /// Whether frames carry times; where a whole one does not, all are shown by number. A torn one may have lost its own.
     fn has_times(&self) -> bool {
-        self.shown.iter().all(|report| report.time_ns.is_some())
+        let lacks_time = |report: &SlipReport| report.time_ns.is_none() && report.reason != Some(Reason::Torn);
+        self.times_ns().next().is_some() && !self.shown.iter().any(lacks_time)
+    }
+
+    fn times_ns(&self) -> impl DoubleEndedIterator<Item = u64> {
+        self.shown.iter().filter_map(|report| report.time_ns)
     }
 
     fn origin_ns(&self) -> u64 {
-        let first_ns = self.shown.first().and_then(|report| report.time_ns).unwrap_or(0);
-        if first_ns > CLOCK_FROM_NS { first_ns } else { 0 }
+        self.times_ns().next().filter(|first_ns| *first_ns > CLOCK_FROM_NS).unwrap_or(0)
     }
 
     /// Position of a frame on the axis.
@@ -178,7 +182,13 @@ impl RecordingPage {
 
     fn timeline(&self) -> Option<Timeline> {
         let unit = if self.has_times() { TimeUnit::Seconds } else { TimeUnit::Frames };
-        let times_ns: Vec<u64> = self.shown.iter().map(|report| self.at_ns((report.seq, report.time_ns))).collect();
+        // A torn frame without a time stands at that of the one before it.
+        let mut before_ns = self.times_ns().next();
+        let place = |report: &SlipReport| {
+            before_ns = report.time_ns.or(before_ns);
+            self.at_ns((report.seq, before_ns))
+        };
+        let times_ns: Vec<u64> = self.shown.iter().map(place).collect();
         let axis = TimeAxis::over(*times_ns.first()?, *times_ns.last()?, unit);
         let states = self.shown.iter().map(|report| shown(report.state));
         let band = stretches(times_ns.iter().copied().zip(states));
@@ -263,9 +273,8 @@ impl RecordingPage {
 
     fn facts(&self, summary: &ReportSummary) -> Vec<(String, &'static str)> {
         let mut facts = Vec::new();
-        let ends = self.shown.first().zip(self.shown.last());
-        if let Some((first_ns, last_ns)) = ends.and_then(|(a, b)| a.time_ns.zip(b.time_ns)).filter(|_| self.has_times())
-        {
+        let ends = self.times_ns().next().zip(self.times_ns().next_back());
+        if let Some((first_ns, last_ns)) = ends.filter(|_| self.has_times()) {
             facts.push((seconds(last_ns.saturating_sub(first_ns)), "from the first frame to the last"));
         }
         let plural = |count: u64, one: &'static str, more: &'static str| if count == 1 { one } else { more };
