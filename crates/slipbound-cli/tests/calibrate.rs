@@ -95,6 +95,18 @@ fn a_calibrated_fabric_skin_is_untouched_at_rest_and_slips_where_the_built_in_on
     for seed in ["3", "8"] {
         let done = slipbound_in(folder.path(), &["simulate", "twist?grid=fast", "--seed", seed, "-o", seed]);
         assert!(done.status.success(), "{done:?}");
+        let pressed = format!("{seed}/frame_000060.jpg");
+        let done = slipbound_in(
+            folder.path(),
+            &["calibrate", &pressed, "-o", "pressed.toml", "--flip", "vertical", "--skin", "fabric", "--force"],
+        );
+        let told = printed(&done);
+        assert!(told.contains("frame 0 looks touched"), "{told}");
+        let text = std::fs::read_to_string(folder.path().join("pressed.toml")).expect("a finger");
+        assert!(
+            text.contains("not raised, as these frames look touched") && !text.contains("bare_sharpness"),
+            "{text}"
+        );
         let file = format!("{seed}.toml");
         let words = ["calibrate", seed, "-o", &file, "--flip", "vertical", "--skin", "fabric", "--pitch-mm", "1.5"];
         let done = slipbound_in(folder.path(), &words);
@@ -130,6 +142,14 @@ fn what_cannot_be_done_is_refused_with_the_reason_and_leaves_no_file() {
             "--frames 5..9: even.jpg ends before frame 8: it has 1 frame",
         ),
         (&["calibrate", "even.jpg", "-o", "a.toml", "--frames", "0..2"], "ends before frame 1: it has 1 frame"),
+        (
+            &["calibrate", "even.jpg", "-o", "a.toml", "--pitch-mm", "0"],
+            ": --pitch-mm: expected a number from 0.1 to 20, got 0",
+        ),
+        (
+            &["calibrate", "http://[::1]:9/a", "-o", "a.toml", "--weight-g", "100", "--sensor", "gelslim"],
+            "--weight-g: expected a recording, which ends, got the camera http://[::1]:9/a: record it first",
+        ),
         (&["calibrate", "even.jpg", "-o", "a.toml", "--weight-g", "100"], "--sensor"),
         (
             &["calibrate", "even.jpg", "-o", "a.toml", "--weight-g", "0", "--sensor", "gelslim"],
@@ -205,12 +225,25 @@ fn frames_that_are_torn_or_of_another_size_are_told_of() {
         std::fs::copy(frame(2), frame(i)).expect("copies");
     }
     assert_eq!(told("whole.toml"), (Some(0), String::new()));
+    let tare = || {
+        let done = slipbound_in(folder.path(), &["tare", "run", "--frames", "8"]);
+        (done.status.code(), printed(&done))
+    };
+    assert_eq!(tare().0, Some(0));
+    std::fs::write(frame(6), "").expect("writes");
+    let (code, message) = tare();
+    assert_eq!(code, Some(3), "{message}");
+    assert!(message.contains("run: frame 6 (frame_000006.jpg) is torn: empty: zero bytes\n"), "{message}");
+    std::fs::copy(frame(2), frame(6)).expect("copies");
     let small = vec![128u8; 32 * 32];
     let encoder = jpeg_encoder::Encoder::new_file(frame(4), 90).expect("writes");
     encoder.encode(&small, 32, 32, jpeg_encoder::ColorType::Luma).expect("writes");
     let (code, message) = told("sizes.toml");
     assert_eq!(code, Some(3), "{message}");
     let expected = "1 frame of another size passed over; the first is frame 4 (frame_000004.jpg): expected ";
+    assert!(message.contains(expected) && message.contains(", got 32x32"), "{message}");
+    let (code, message) = tare();
+    assert_eq!(code, Some(3), "{message}");
     assert!(message.contains(expected) && message.contains(", got 32x32"), "{message}");
 }
 
@@ -222,9 +255,12 @@ fn a_sensor_file_in_the_folder_of_its_frames_adds_no_frame() {
     assert!(done.status.success(), "{done:?}");
     let frames = || slipbound_rig::source::image_files(&folder.path().join("run").display().to_string());
     let before = frames();
-    for (source, output) in
-        [("run", "run/sensor.toml"), ("run/*.jpg", "run/other.toml"), ("run", "./run/../run/x.toml")]
-    {
+    for (source, output) in [
+        ("run", "run/sensor.toml"),
+        ("run/*.jpg", "run/other.toml"),
+        ("run", "./run/../run/x.toml"),
+        ("run/frame_000000.jpg", "run/y.toml"),
+    ] {
         let words = ["calibrate", source, "-o", output, "--flip", "vertical", "--skin", "fabric", "--force"];
         let done = slipbound_in(folder.path(), &words);
         assert!(done.status.success(), "{done:?}");
@@ -290,6 +326,14 @@ fn a_hanging_mass_gives_the_stiffness_of_the_simulated_gel_and_a_cut_view_is_ref
         let message = String::from_utf8_lossy(&done.stderr);
         assert!(done.status.code() == Some(2) && message.contains(said), "{message}");
         assert!(message.contains("duck: markers expected on a grid of "), "{message}");
+    }
+    // Frames that are not there, by the option that asked for them.
+    for (option, range) in [("--held", "500..600"), ("--hanging", "68..900")] {
+        let asked = [&words("duck", "duck/sensor.toml")[..], &[option, range]].concat();
+        let done = slipbound_in(folder.path(), &asked);
+        let message = String::from_utf8_lossy(&done.stderr);
+        let said = format!("duck: {option} {range}: expected frames of the recording, got one that ends before frame ");
+        assert!(done.status.code() == Some(2) && message.contains(&said), "{message}");
     }
     // A frame of another size is left out like a torn one, and told of.
     let frame = |i: usize| folder.path().join(format!("duck/frame_{i:06}.jpg"));

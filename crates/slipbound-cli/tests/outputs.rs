@@ -469,6 +469,8 @@ fn a_finger_that_is_touched_later_is_not_called_untouched() {
     assert!(!folder.path().join("finger.rest").exists());
     let done = tare("3");
     assert!(done.status.success(), "{}", printed(&done));
+    let next = "next: slipbound watch clip --rest finger.rest --sensor clip/sensor.toml --settings held.toml\n";
+    assert!(printed(&done).contains(next), "{}", printed(&done));
     // The first frames of the press do not count as a touch yet, but most of what they move is left out.
     assert!(noise_px(&printed(&done)) < 0.1, "{}", printed(&done));
 }

@@ -181,16 +181,24 @@ impl Sensor {
         }
         within("grey_weights_rgb (sum)", self.grey_weights_rgb.iter().sum(), 0.01, 1.0 + 1e-9)?;
         within("marker_diameter_px", self.marker_diameter_px, 3.0, MOST_MARKER_DIAMETER_PX)?;
-        within("pitch_px", self.pitch_px, 1.5 * self.marker_diameter_px, 512.0)?;
+        // Both may be rounded, or scaled to another image.
+        within("pitch_px", self.pitch_px, 1.5 * self.marker_diameter_px * (1.0 - 1e-6), 512.0)?;
         if let Some(pitch_mm) = self.pitch_mm {
             within("pitch_mm", pitch_mm, 0.1, 20.0)?;
         }
         if let Some([x_mm, y_mm]) = self.gel_mm {
-            if self.pitch_mm.is_none() {
+            let Some(pitch_mm) = self.pitch_mm else {
                 return bad("gel_mm", format!("[{x_mm}, {y_mm}] without pitch_mm"), "pitch_mm as well");
-            }
+            };
             within("gel_mm (x)", x_mm, 1.0, 500.0)?;
             within("gel_mm (y)", y_mm, 1.0, 500.0)?;
+            let SizePx { width, height } = self.rectified_px();
+            let [view_x_mm, view_y_mm] = [width, height].map(|px| px as f64 / self.pitch_px * pitch_mm);
+            // The view may reach beyond the gel a little; centimetres for millimetres it does not.
+            if x_mm < view_x_mm / 2.0 || y_mm < view_y_mm / 2.0 {
+                let expected = format!("the whole gel, of which {view_x_mm:.1} x {view_y_mm:.1} mm are in view");
+                return bad("gel_mm", format!("[{x_mm}, {y_mm}]"), &expected);
+            }
         }
         if let Some(sharpness) = self.bare_sharpness {
             within("bare_sharpness", sharpness, 0.0, 100.0)?;
@@ -436,5 +444,26 @@ pub(crate) mod tests {
             wrong.check().expect_err("no scale").to_string(),
             "gel_mm: expected pitch_mm as well, got [25, 20] without pitch_mm"
         );
+        let wrong = Sensor { gel_mm: Some([2.5, 2.0]), ..smooth() }.check().expect_err("centimetres").to_string();
+        assert!(
+            wrong.starts_with("gel_mm: expected the whole gel, of which ") && wrong.ends_with("got [2.5, 2]"),
+            "{wrong}"
+        );
+    }
+
+    /// Two thirds of a pitch, as it is or rounded to ten digits.
+    #[test]
+    fn dots_as_wide_as_two_thirds_of_the_pitch_pass_however_they_are_rounded() {
+        for tenths in 45..900 {
+            let pitch_px = f64::from(tenths) / 10.0;
+            let exact = pitch_px / 1.5;
+            let rounded: f64 = format!("{exact:.9e}").parse().expect("a number");
+            for marker_diameter_px in [exact, rounded] {
+                let sensor = Sensor { pitch_px, marker_diameter_px, pitch_mm: None, gel_mm: None, ..smooth() };
+                assert_eq!(sensor.check(), Ok(()), "{pitch_px}");
+            }
+            let wide = Sensor { pitch_px, marker_diameter_px: 1.001 * exact, pitch_mm: None, gel_mm: None, ..smooth() };
+            assert_eq!(wide.check().expect_err("too wide").key, "pitch_px");
+        }
     }
 }

@@ -5,6 +5,8 @@ mod args;
 pub use args::Calibrate;
 
 use super::recording;
+use super::rest_window::{frames_in_words, note_other_size, note_torn};
+use super::watch::StallDetector;
 use crate::outcome::{Failure, Outcome};
 use crate::terminal::{Terminal, quoted};
 use anyhow::anyhow;
@@ -13,10 +15,11 @@ use slipbound::image::Frame;
 use slipbound::port::{FrameBuffer, FrameSource as _, Next};
 use slipbound::sensor::{Flip, Polarity, Sensor, Skin};
 use slipbound_rig::calibration::{self, HangingMass, HangingMassError, MeasuredShear, ShearFileError};
+use slipbound_rig::link::now_ns;
 use slipbound_rig::printable::without_passwords;
 use slipbound_rig::report_summary::{of_other_size, torn};
 use slipbound_rig::sensors;
-use slipbound_rig::source::{ReadAhead, most_common_size};
+use slipbound_rig::source::{self, ReadAhead, most_common_size};
 use std::fs;
 use std::ops::Range;
 use std::path::Path;
@@ -46,10 +49,6 @@ struct TornFrames {
     first: Option<String>,
 }
 
-fn frames_in_words(count: usize) -> String {
-    format!("{count} frame{}", if count == 1 { "" } else { "s" })
-}
-
 /// Least turn of the grid that is told of, deg: a grid that is printed straight is seen within it.
 const TURN_DEG: f64 = 5.0;
 
@@ -66,8 +65,27 @@ fn turn_in_words(turn_rad: f64, flip: Flip) -> Option<String> {
         format!(
             "the grid is turned by {:.0} deg {sense} in {image}: x and y of the reports follow its rows and columns",
             deg.abs()
-        )
+        ) + ", as they lie nearest to those of the image (a finger that is turned by more than 45 deg has x across)"
     })
+}
+
+/// Cells this much wider than high, or with rows and columns this far from square, deg, are told of.
+const CELLS_FRACTION: f64 = 0.1;
+const CELLS_DEG: f64 = 5.0;
+
+/// What to tell of cells that are not square although the grid is seen from the front.
+fn cells_in_words((width_over_height, angle_rad): (f64, f64)) -> Option<String> {
+    let deg = angle_rad.to_degrees();
+    let stretched = width_over_height.max(1.0 / width_over_height) > 1.0 + CELLS_FRACTION;
+    let question = "; they are taken for squares: are the markers on a square grid? On another one x and y have \
+                    different scales";
+    match (stretched, (deg - 90.0).abs() > CELLS_DEG) {
+        (_, true) => Some(format!("rows and columns meet at {deg:.0} deg all over the image{question}")),
+        (true, false) => {
+            Some(format!("the cells are {width_over_height:.2} times as wide as high all over the image{question}"))
+        }
+        (false, false) => None,
+    }
 }
 
 impl Calibrate {
@@ -81,17 +99,27 @@ impl Calibrate {
     }
 
     fn finger(&self) -> Result<Outcome, Failure> {
+        let known = self.known();
+        if let Some(pitch_mm) = known.pitch_mm.filter(|pitch_mm| !(0.1..=20.0).contains(pitch_mm)) {
+            let expected = "--pitch-mm: expected a number from 0.1 to 20";
+            return Err(Failure::Arguments(anyhow!("{expected}, got {pitch_mm}")));
+        }
         let mut terminal = Terminal::plain();
         let mut recording = recording::open(&self.source)?;
+        if source::is_live(&self.source) {
+            let mut stalls = StallDetector::new(StallDetector::LONGEST_MS);
+            let silence = |is_silent| stalls.note(&self.source, now_ns(), is_silent, &terminal);
+            let count = self.frames.as_ref().map_or(FRAMES_MOST, |frames| frames.end as usize);
+            recording.read_ahead_seen(count, silence).for_each(drop);
+        }
         let (buffers, torn) = self.frames(&mut recording)?;
         let size = most_common_size(&buffers);
         let (same, other): (Vec<&FrameBuffer>, Vec<&FrameBuffer>) = buffers.iter().partition(|b| Some(b.size) == size);
-        self.note_torn(&terminal, torn.count, torn.first.as_deref());
+        note_torn(&terminal, &self.source, torn.count, torn.first.as_deref());
         let first_other = size.zip(other.first()).map(|(size, first)| of_other_size(first, size));
-        self.note_other_size(&terminal, other.len(), first_other.as_deref());
+        note_other_size(&terminal, &self.source, other.len(), first_other.as_deref());
         let frames: Result<Vec<Frame<'_>>, _> = same.iter().map(|b| b.frame()).collect();
         let frames = frames.map_err(|e| Failure::work(&self.source, e))?;
-        let known = self.known();
         let mut found = calibrate(&frames, &known).map_err(|e| Failure::Arguments(anyhow!("{}: {e}", self.source)))?;
         if let Some([low_levels, high_levels]) = calibration::raise_edges(&frames, &mut found) {
             terminal.note(&format!(
@@ -105,8 +133,9 @@ impl Calibrate {
         }
         let [from, to] = found.averaged.map(|i| same[i].seq);
         if !found.untouched {
+            let frames = if from == to { format!("frame {from} looks") } else { format!("frames {from} to {to} look") };
             terminal.note(&format!(
-                "{}: frames {from} to {to} look touched; better take the finger at rest, or say which frames: --frames A..B{}",
+                "{}: {frames} touched; better take the finger at rest, or say which frames: --frames A..B{}",
                 self.source,
                 if found.sensor.skin == Skin::Smooth { "; a weave looks so, too: --skin fabric" } else { "" }
             ));
@@ -120,20 +149,6 @@ impl Calibrate {
         calibration::write_grid_picture(&picture, &found).map_err(|e| Failure::Work(e.into()))?;
         self.print(&mut terminal, &found, [from, to])?;
         Ok(if torn.count + other.len() > 0 { Outcome::DataLost } else { Outcome::Done })
-    }
-
-    /// Tells of the torn frames.
-    fn note_torn(&self, terminal: &Terminal, count: usize, first: Option<&str>) {
-        let Some(first) = first else { return };
-        let all = if count > 1 { format!("; {count} are torn in all") } else { String::new() };
-        terminal.note(&format!("{}: {first}{all}", self.source));
-    }
-
-    /// Tells of the frames of another size.
-    fn note_other_size(&self, terminal: &Terminal, count: usize, first: Option<&str>) {
-        let Some(first) = first else { return };
-        let count = frames_in_words(count);
-        terminal.note(&format!("{}: {count} of another size passed over; the first is {first}", self.source));
     }
 
     fn print(&self, terminal: &mut Terminal, found: &Calibration, [from, to]: [u64; 2]) -> Result<(), Failure> {
@@ -169,7 +184,13 @@ impl Calibrate {
                 count => format!("{count} dots lie off the grid and are not used: red in the picture"),
             })?;
         }
+        if found.diameter_is_limited() {
+            terminal.say("the diameter is limited to two thirds of the pitch: the dots may be wider")?;
+        }
         if let Some(line) = turn_in_words(found.turn_rad(), sensor.flip) {
+            terminal.say(&line)?;
+        }
+        if let Some(line) = found.cells_from_front().and_then(cells_in_words) {
             terminal.say(&line)?;
         }
         let flip = sensor.flip;
@@ -197,6 +218,10 @@ impl Calibrate {
         if !(1..=16).contains(&self.fingers) {
             return Err(Failure::Arguments(anyhow!("--fingers: expected 1 to 16, got {}", self.fingers)));
         }
+        if source::is_live(&self.source) {
+            let expected = "--weight-g: expected a recording, which ends";
+            return Err(Failure::Arguments(anyhow!("{expected}, got the camera {}: record it first", self.source)));
+        }
         let name = self.sensor.as_deref().unwrap_or_default();
         let sensor = sensors::load(name).map_err(Failure::arguments)?;
         let shown = without_passwords(&self.source);
@@ -220,8 +245,8 @@ impl Calibrate {
         });
         self.write_output(&text?)?;
         let mut terminal = Terminal::plain();
-        self.note_torn(&terminal, torn_count, first_torn.as_deref());
-        self.note_other_size(&terminal, other_size_count, first_of_other_size.as_deref());
+        note_torn(&terminal, &self.source, torn_count, first_torn.as_deref());
+        note_other_size(&terminal, &self.source, other_size_count, first_of_other_size.as_deref());
         terminal.say(&format!("{}: {}", self.source, shear.provenance))?;
         terminal.say(&format!("stiffness {:.4} N per marker and pitch", shear.stiffness_n_per_pitch))?;
         terminal.say(&format!("written: {}", self.output.display()))?;

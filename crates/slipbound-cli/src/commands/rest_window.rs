@@ -1,13 +1,14 @@
 //! The first frames of a recording or a camera, and the rest frame among them: for `watch` and `tare`.
 
 use crate::outcome::Failure;
+use crate::terminal::Terminal;
 use anyhow::anyhow;
 use slipbound::finger_pipeline::{FoundRest, RestFinder};
 use slipbound::image::SizePx;
 use slipbound::monitor::{RestKind, RestLook, Settings};
 use slipbound::port::FrameBuffer;
 use slipbound::sensor::{Sensor, Skin};
-use slipbound_rig::report_summary::{frame_name, torn};
+use slipbound_rig::report_summary::{frame_name, of_other_size, torn};
 use slipbound_rig::source::{AheadFrame, ReadAhead, most_common_size};
 use std::fmt::Display;
 
@@ -20,6 +21,8 @@ pub struct Window<'a> {
     pub size: SizePx,
     /// How many others were torn.
     pub torn_count: usize,
+    /// Which was the first of them, and why.
+    first_torn: Option<String>,
 }
 
 impl<'a> Window<'a> {
@@ -43,7 +46,18 @@ impl<'a> Window<'a> {
         };
         let window: Vec<&AheadFrame> = recording.read_ahead(count).collect();
         let frames: Vec<&FrameBuffer> = window.iter().filter(|a| a.torn.is_none()).map(|a| &a.buffer).collect();
-        Ok(Window { source, torn_count: window.len() - frames.len(), frames, size })
+        let first_torn = window.iter().find_map(|a| Some(torn(&a.buffer, a.torn.as_deref()?)));
+        Ok(Window { source, torn_count: window.len() - frames.len(), first_torn, frames, size })
+    }
+
+    /// Tells of the frames that are torn or of another size; returns whether there are any.
+    pub fn note_lost(&self, terminal: &Terminal) -> bool {
+        note_torn(terminal, self.source, self.torn_count, self.first_torn.as_deref());
+        let mut others = self.frames.iter().filter(|frame| frame.size != self.size);
+        let first_other = others.next().map(|first| of_other_size(first, self.size));
+        let others_count = usize::from(first_other.is_some()) + others.count();
+        note_other_size(terminal, self.source, others_count, first_other.as_deref());
+        self.torn_count + others_count > 0
     }
 
     /// The error for facts or settings that do not fit these frames.
@@ -82,6 +96,25 @@ impl<'a> Window<'a> {
             }
         }
     }
+}
+
+/// Tells of the torn frames of a source.
+pub fn note_torn(terminal: &Terminal, source: &str, count: usize, first: Option<&str>) {
+    let Some(first) = first else { return };
+    let all = if count > 1 { format!("; {count} are torn in all") } else { String::new() };
+    terminal.note(&format!("{source}: {first}{all}"));
+}
+
+/// Tells of the frames of another size.
+pub fn note_other_size(terminal: &Terminal, source: &str, count: usize, first: Option<&str>) {
+    let Some(first) = first else { return };
+    let count = frames_in_words(count);
+    terminal.note(&format!("{source}: {count} of another size passed over; the first is {first}"));
+}
+
+/// A number of frames, in words.
+pub fn frames_in_words(count: usize) -> String {
+    format!("{count} frame{}", if count == 1 { "" } else { "s" })
 }
 
 /// What to do about a finger that looks touched.

@@ -61,6 +61,7 @@ impl Tare {
         let window = Window::read(&self.source, &mut recording, settings.rest.window_count, silence)?;
         let (sensor, note) = finger::of(&self.source, window.size, asked.as_ref(), None)?;
         note.iter().for_each(|note| terminal.note(note));
+        let is_lossy = window.note_lost(&terminal);
         let FoundRest { rest, seqs, .. } = window.rest(&sensor, &settings, Some(&"tare"))?;
         let mut monitor = SlipMonitor::new(&sensor, &settings, rest.clone()).map_err(|e| window.refused(&sensor, e))?;
         if let Some(reason) = monitor.refusal() {
@@ -97,8 +98,13 @@ impl Tare {
         })?;
         terminal.say(&format!("written: {}", self.output.display()))?;
         let (source, rest) = (quoted(source), self.output.display().to_string());
-        terminal.say(&format!("next: slipbound watch {source} --rest {}", quoted(&rest)))?;
-        Ok(if window.torn_count > 0 { Outcome::DataLost } else { Outcome::Done })
+        // The rest frame is that of one finger and of one set of settings.
+        let option = |name: &str, value: &Option<String>| {
+            value.as_deref().map_or_else(String::new, |value| format!(" --{name} {}", quoted(value)))
+        };
+        let more = option("sensor", &self.sensor) + &option("settings", &self.settings);
+        terminal.say(&format!("next: slipbound watch {source} --rest {}{more}", quoted(&rest)))?;
+        Ok(if is_lossy { Outcome::DataLost } else { Outcome::Done })
     }
 
     /// Something touches the finger later in the window, from frame `seq` on.

@@ -321,7 +321,12 @@ fn a_drawn_finger_is_calibrated_to_three_hundredths_of_a_pitch_or_refused() {
 /// A large photo out of focus: every dot is a soft spot of half a pitch.
 #[test]
 fn dots_larger_than_a_sensor_may_have_are_refused_by_their_size() {
-    let (size, pitch_px, sigma_px) = (SizePx::new(1920, 1440), 300.0, 72.0);
+    refuse_soft_spots(SizePx::new(1920, 1440), 300.0, 72.0, [6, 4]);
+    // Wider than our own search for dots can sum over.
+    refuse_soft_spots(SizePx::new(2592, 1944), 450.0, 70.0, [5, 4]);
+}
+
+fn refuse_soft_spots(size: SizePx, pitch_px: f64, sigma_px: f64, [columns, rows]: [i32; 2]) {
     // The shadow of a grid along one axis: the image is the product of both.
     let shadow = |length_px: usize, count: i32| -> Vec<f64> {
         let place = |k: i32| 0.5 * length_px as f64 + (f64::from(k) - 0.5 * f64::from(count - 1)) * pitch_px;
@@ -329,9 +334,73 @@ fn dots_larger_than_a_sensor_may_have_are_refused_by_their_size() {
         let of = |at: f64| (0..count).map(|k| bell((at - place(k)) / sigma_px)).sum();
         (0..length_px).map(|at| of(at as f64)).collect()
     };
-    let (along, across) = (shadow(size.width, 6), shadow(size.height, 4));
+    let (along, across) = (shadow(size.width, columns), shadow(size.height, rows));
     let row = |down: &f64| along.iter().map(|v| (200.5 - 120.0 * v * down) as u8).collect::<Vec<u8>>();
     let grey: Vec<u8> = across.iter().flat_map(row).collect();
     let error = calibrate(&[frame(&grey, size)], &known()).expect_err("no finger has such dots").to_string();
     assert!(error.starts_with("marker_diameter_px: expected a number from 3 to 64, got 1"), "{error}");
+}
+
+/// Dark dots of this diameter, px, wherever `places` are.
+fn dots(size: SizePx, places: &[Vec2], diameter_px: f64) -> Vec<u8> {
+    let mut grey = vec![200u8; size.area()];
+    for (i, pixel) in grey.iter_mut().enumerate() {
+        let at = Vec2::new((i % size.width) as f64, (i / size.width) as f64);
+        let nearest_px = places.iter().map(|p| (at - *p).length()).fold(f64::INFINITY, f64::min);
+        let cover = 1.0 / (1.0 + libm::exp((nearest_px - diameter_px / 2.0) / 0.45));
+        *pixel = (200.0 - 150.0 * cover) as u8;
+    }
+    grey
+}
+
+/// The nodes of a grid with these steps that lie well within an image.
+fn nodes(size: SizePx, along: Vec2, across: Vec2, margin_px: f64) -> Vec<Vec2> {
+    let middle = Vec2::new(size.width as f64, size.height as f64) / 2.0;
+    let at = |(i, j): (i32, i32)| middle + along * f64::from(i) + across * f64::from(j);
+    let lies = |p: &Vec2| {
+        let (width, height) = (size.width as f64 - margin_px, size.height as f64 - margin_px);
+        (margin_px..width).contains(&p.x) && (margin_px..height).contains(&p.y)
+    };
+    (-40..=40).flat_map(|i| (-40..=40).map(move |j| (i, j))).map(at).filter(lies).collect()
+}
+
+/// The steps of the grid in the image are stated where they are the same all over it.
+#[test]
+fn a_grid_that_is_not_square_is_told_from_a_square_one_seen_from_the_front() {
+    let size = SizePx::new(320, 240);
+    let cells = |along: Vec2, across: Vec2| {
+        let grey = dots(size, &nodes(size, along, across, 15.0), 8.0);
+        calibrate(&[frame(&grey, size)], &known()).expect("a grid").cells_from_front()
+    };
+    let (wide, _) = cells(Vec2::new(40.0, 0.0), Vec2::new(0.0, 30.0)).expect("from the front");
+    assert!((wide - 40.0 / 30.0).abs() < 0.02, "{wide}");
+    let (ratio, angle_rad) = cells(Vec2::new(26.0, 0.0), Vec2::new(13.0, 22.5)).expect("from the front");
+    assert!(
+        (ratio - 1.0).abs() < 0.03 && ((angle_rad.to_degrees() - 90.0).abs() - 30.0).abs() < 2.0,
+        "{ratio}, {angle_rad} rad"
+    );
+    let (ratio, angle_rad) = cells(Vec2::new(24.0, 3.0), Vec2::new(-3.0, 24.0)).expect("from the front");
+    assert!((ratio - 1.0).abs() < 0.02 && (angle_rad.to_degrees() - 90.0).abs() < 1.0, "{ratio}, {angle_rad} rad");
+    // An oblique view: rows come closer to each other upwards.
+    let oblique = Homography([[1.0, 0.0, 0.0], [0.0, 0.8, 0.0], [0.0, 0.0009, 1.0]]);
+    let square = nodes(SizePx::new(400, 400), Vec2::new(24.0, 0.0), Vec2::new(0.0, 24.0), 0.0);
+    let within = |p: &Vec2| (15.0..305.0).contains(&p.x) && (15.0..225.0).contains(&p.y);
+    let seen: Vec<Vec2> = square.iter().map(|p| oblique.apply(*p)).filter(within).collect();
+    let grey = dots(size, &seen, 8.0);
+    assert_eq!(calibrate(&[frame(&grey, size)], &known()).expect("a grid").cells_from_front(), None);
+}
+
+#[test]
+fn a_finger_with_wide_dots_gets_a_diameter_that_its_file_may_have() {
+    let size = SizePx::new(320, 240);
+    for pitch_px in [20.2, 23.3] {
+        let places = nodes(size, Vec2::new(pitch_px, 0.0), Vec2::new(0.0, pitch_px), 15.0);
+        let found = calibrate(&[frame(&dots(size, &places, 0.75 * pitch_px), size)], &known()).expect("a finger");
+        let sensor = &found.sensor;
+        assert!(found.diameter_is_limited(), "{pitch_px}: {} px", sensor.marker_diameter_px);
+        assert_eq!((10.0 * sensor.marker_diameter_px).fract(), 0.0, "whole tenths are written as they are");
+        assert_eq!(sensor.check(), Ok(()));
+        let narrow = calibrate(&[frame(&dots(size, &places, 0.4 * pitch_px), size)], &known()).expect("a finger");
+        assert!(!narrow.diameter_is_limited());
+    }
 }

@@ -75,6 +75,14 @@ pub enum HangingMassError {
     /// The finger is never seen untouched.
     #[error("expected a recording that begins with the finger untouched, got one that begins in contact")]
     InContact,
+    /// A range of frames that the recording does not have.
+    #[error("{option} {}..{}: expected frames of the recording, got one that ends before frame {}", range.start, range.end, range.end - 1)]
+    BeyondEnd {
+        /// `--held` or `--hanging`.
+        option: &'static str,
+        /// The frames asked for.
+        range: Range<u64>,
+    },
     /// The held and the hanging frames give no stiffness.
     #[error(transparent)]
     Shear(#[from] ShearError),
@@ -102,9 +110,13 @@ impl HangingMass {
         let outermost = outermost(monitor.sensor(), monitor.markers());
         let (mut reports, mut markers, mut torn_count, mut first_torn) = (Vec::new(), Vec::new(), 0, None);
         let (size, mut other_size_count, mut first_of_other_size) = (monitor.sensor().image_px, 0, None);
-        let mut buffer = FrameBuffer::default();
+        let (mut buffer, mut frames_count) = (FrameBuffer::default(), 0);
         loop {
-            match source.next(&mut buffer).map_err(HangingMassError::Source)? {
+            let next = source.next(&mut buffer).map_err(HangingMassError::Source)?;
+            if !matches!(next, Next::End | Next::Silent) {
+                frames_count = buffer.seq + 1;
+            }
+            match next {
                 Next::End => break,
                 Next::Silent => {}
                 Next::Torn { reason } => {
@@ -119,6 +131,11 @@ impl HangingMass {
                     reports.push(monitor.step(&buffer.frame()?, None));
                     markers.push(monitor.markers().to_vec());
                 }
+            }
+        }
+        for (option, range) in [("--held", &self.held), ("--hanging", &self.hanging)] {
+            if let Some(range) = range.clone().filter(|range| range.end > frames_count) {
+                return Err(HangingMassError::BeyondEnd { option, range });
             }
         }
         let frame = |(at, report)| HangingFrame::new(report, &steadied(&markers, at), &outermost);

@@ -17,7 +17,7 @@ const STEPS_MOST: u32 = 6;
 
 /// Raises the thresholds of a calibrated fabric skin until none of the averaged frames shows contact; returns the low
 /// and the high threshold of its first band. None if no change is needed, and if raising does not help: the thresholds
-/// then stay unchanged.
+/// then stay unchanged, and the frames count as touched.
 pub fn raise_edges(frames: &[Frame<'_>], calibration: &mut Calibration) -> Option<[u16; 2]> {
     let [first, last] = calibration.averaged;
     let frames = frames.get(first..=last)?;
@@ -32,7 +32,12 @@ pub fn raise_edges(frames: &[Frame<'_>], calibration: &mut Calibration) -> Optio
     if calibration.sensor.skin != Skin::Fabric || !any_looks_touched(frames, &at_step(0))? {
         return None;
     }
-    let quiet = (1..=STEPS_MOST).map(at_step).find(|sensor| any_looks_touched(frames, sensor) == Some(false))?;
+    let Some(quiet) = (1..=STEPS_MOST).map(at_step).find(|sensor| any_looks_touched(frames, sensor) == Some(false))
+    else {
+        calibration.untouched = false;
+        calibration.sensor.bare_sharpness = None;
+        return None;
+    };
     calibration.sensor = quiet;
     calibration.untouched = true;
     calibration.sensor.edge_bands.first().map(|band| [band.low_levels, band.high_levels])

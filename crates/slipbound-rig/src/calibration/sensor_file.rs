@@ -19,11 +19,11 @@ pub fn sensor_file(calibration: &Calibration) -> String {
             false => String::new(),
         }
     );
-    head + &facts(sensor)
+    head + &facts(sensor, calibration.untouched)
 }
 
-/// The facts as TOML, each with its origin.
-fn facts(sensor: &Sensor) -> String {
+/// The facts as TOML, each with its origin. `untouched`: whether they are from frames that look so.
+fn facts(sensor: &Sensor, untouched: bool) -> String {
     let mut out = String::new();
     let mut line = |text: String| {
         out.push_str(&text);
@@ -69,10 +69,11 @@ fn facts(sensor: &Sensor) -> String {
         line(format!("defects_px = [{}]", all.join(", ")));
     }
     if !sensor.edge_bands.is_empty() {
-        line(
-            "\n# Canny's thresholds: those of the paper's finger, raised until the untouched weave shows no contact."
-                .into(),
-        );
+        let raised = match untouched {
+            true => "raised until the untouched weave shows no contact",
+            false => "not raised, as these frames look touched",
+        };
+        line(format!("\n# Canny's thresholds: those of the paper's finger, {raised}."));
     }
     for band in &sensor.edge_bands {
         let (low, high) = (band.low_levels, band.high_levels);
@@ -118,10 +119,14 @@ fn rectification(r: &Rectification) -> String {
     text
 }
 
+/// The comment above the table of a shear stiffness.
+pub const STIFFNESS_COMMENT: &str =
+    "# Newtons for one marker displaced by one pitch; the tangential force is the sum over all markers.";
+
 /// The table of a shear stiffness.
 pub fn shear_table(shear: &Shear) -> String {
     format!(
-        "# Newtons for one marker displaced by one pitch; the tangential force is the sum over all markers.\n[shear]\n\
+        "{STIFFNESS_COMMENT}\n[shear]\n\
          stiffness_n_per_pitch = {}\nprovenance = {}\n",
         number(shear.stiffness_n_per_pitch),
         quoted(&shear.provenance)

@@ -1,6 +1,6 @@
 //! Puts a measured shear stiffness into an existing sensor file.
 
-use super::sensor_file::shear_table;
+use super::sensor_file::{STIFFNESS_COMMENT, shear_table};
 use crate::config::read_most;
 use crate::config::sensors::is_file;
 use slipbound::sensor::Shear;
@@ -57,19 +57,23 @@ fn folder(file: &Path) -> Option<PathBuf> {
     parent.unwrap_or(Path::new(".")).canonicalize().ok()
 }
 
-/// The text without its table [shear] and the comment above it.
+/// The text without its table [shear] and our comment above it. Comments above the table that follows are kept.
 fn without_shear(text: &str) -> String {
     let mut kept: Vec<&str> = Vec::new();
+    let mut above_next: Vec<&str> = Vec::new();
     let mut inside = false;
     for line in text.lines() {
         if line.trim_start().starts_with('[') {
+            kept.append(&mut above_next);
             inside = is_shear_header(line);
-            while inside && kept.last().is_some_and(|l| l.starts_with('#')) {
+            if inside && kept.last() == Some(&STIFFNESS_COMMENT) {
                 kept.pop();
             }
         }
-        if !inside {
-            kept.push(line);
+        match inside {
+            false => kept.push(line),
+            true if line.trim_start().starts_with('#') => above_next.push(line),
+            true => above_next.clear(),
         }
     }
     kept.join("\n")
@@ -90,9 +94,14 @@ mod tests {
 
     #[test]
     fn an_older_measurement_is_replaced() {
-        let text =
-            "name = \"a\"\n\n# Newtons\n[shear]\nstiffness_n_per_pitch = 1.0\nprovenance = \"x\"\n\n[other]\nb = 1\n";
-        assert_eq!(without_shear(text), "name = \"a\"\n\n[other]\nb = 1");
+        let text = "name = \"a\"\n\n# Mine.\n[shear]\nstiffness_n_per_pitch = 1.0\n# by me\nprovenance = \"x\"\n\n# Of the other.\n[other]\nb = 1\n";
+        let rest = "name = \"a\"\n\n# Mine.\n# Of the other.\n[other]\nb = 1";
+        assert_eq!(without_shear(text), rest);
+        let ours = shear_table(&Shear { stiffness_n_per_pitch: 1.0, provenance: "x".into() });
+        assert_eq!(
+            without_shear(&format!("name = \"a\"\n{ours}\n# Of the other.\n[other]")),
+            "name = \"a\"\n# Of the other.\n[other]"
+        );
         assert_eq!(without_shear("name = \"a\""), "name = \"a\"");
         for header in ["[shear]  # by [me]", "[ shear ]", "  [shear]\t", "[\"shear\"]", "['shear'] #"] {
             let text = format!("name = \"a\"\n{header}\nstiffness_n_per_pitch = 1.0\n[[other]]\nb = 1\n");

@@ -9,6 +9,7 @@ use super::grid::{Grid, OFF_GRID_PITCH};
 use crate::image::SizePx;
 use crate::pixels::dots::DotFinder;
 use crate::plane::Vec2;
+use crate::sensor::MOST_MARKER_DIAMETER_PX;
 use std::collections::BTreeMap;
 
 /// Refuses a grid that may be wrong.
@@ -50,6 +51,10 @@ pub(super) fn accept(grid: &Grid, dots_count: usize, grey: &[u8], camera_px: Siz
     let error_pitch = rms_pitch * (parameters / markers_count as f64).sqrt();
     if error_pitch > WORST_ERROR_PITCH {
         return Err(CalibrationError::Uncertain { error_pitch, markers_count, rms_pitch });
+    }
+    if grid.diameter_px > MOST_MARKER_DIAMETER_PX {
+        // No sensor has such dots: its check says so.
+        return Ok(());
     }
     let between_count = between(grid, grey, camera_px);
     if between_count as f64 > SECOND_GRID_RATIO * markers_count as f64 {

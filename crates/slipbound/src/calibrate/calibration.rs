@@ -1,8 +1,12 @@
 //! The result of a calibration.
 
-use super::grid::MARGIN_PITCH;
+use super::grid::{MARGIN_PITCH, largest_diameter_px};
 use crate::plane::Vec2;
 use crate::sensor::Sensor;
+
+/// Largest change of a cell over half of the image, as a share of it, that is no oblique view: at 25 deg, where cells
+/// look a tenth narrower, a camera with a view of 40 deg sees them change by 16 % over that.
+const EVEN_FRACTION: f64 = 0.03;
 
 /// One spot and the node of the grid nearest to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,6 +56,33 @@ impl Calibration {
         let step = Vec2::new(self.sensor.pitch_px / 2.0, 0.0);
         let seen = |p: Vec2| self.sensor.upright_from_rectified(p);
         (seen(middle + step) - seen(middle - step)).direction_rad()
+    }
+
+    /// Whether the dots may be wider than the diameter says, which is at most two thirds of the pitch.
+    pub fn diameter_is_limited(&self) -> bool {
+        self.sensor.marker_diameter_px >= largest_diameter_px(self.sensor.pitch_px)
+    }
+
+    /// How the cells of the grid look in the upright camera image: width over height, and the angle between rows and
+    /// columns, rad. None where both change over the image, as in an oblique view: there it is not known how they would
+    /// look from the front.
+    pub fn cells_from_front(&self) -> Option<(f64, f64)> {
+        let size = self.sensor.rectified_px();
+        let steps_at = |share: [f64; 2]| {
+            let at = Vec2::new(share[0] * size.width as f64, share[1] * size.height as f64);
+            [Vec2::new(0.5, 0.0), Vec2::new(0.0, 0.5)].map(|half| {
+                let half = half * self.sensor.pitch_px;
+                self.sensor.upright_from_rectified(at + half) - self.sensor.upright_from_rectified(at - half)
+            })
+        };
+        let [along, across] = steps_at([0.5, 0.5]);
+        let differs = |a: Vec2, b: Vec2| (a - b).length() > EVEN_FRACTION * b.length();
+        let is_even = [[0.25, 0.5], [0.75, 0.5], [0.5, 0.25], [0.5, 0.75]].into_iter().all(|share| {
+            let [x, y] = steps_at(share);
+            !differs(x, along) && !differs(y, across)
+        });
+        let angle_rad = across.direction_rad() - along.direction_rad();
+        is_even.then(|| (along.length() / across.length(), angle_rad.rem_euclid(std::f64::consts::PI)))
     }
 }
 

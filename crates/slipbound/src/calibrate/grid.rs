@@ -85,7 +85,7 @@ impl Grid {
             off_grid: BTreeMap::new(),
             map,
             pitch_px,
-            diameter_px: found.diameter_px.min(pitch_px / 1.5),
+            diameter_px: found.diameter_px.min(largest_diameter_px(pitch_px)),
             polarity: found.polarity,
             first: (0, 0),
         };
@@ -287,10 +287,15 @@ impl Grid {
         // A pixel at half depth counts half: areas grow smoothly.
         let area_px2: f64 = inner.map(|i| (2.0 * (depth[i] / deepest - 0.5) + 0.5).clamp(0.0, 1.0)).sum();
         let diameter_px = 2.0 * (area_px2 / std::f64::consts::PI).sqrt();
-        let largest = self.pitch_px / 1.5;
+        let largest_px = largest_diameter_px(self.pitch_px);
         (deepest > 0.0 && diameter_px.is_finite())
-            .then(|| ((diameter_px * 10.0).round() / 10.0).clamp(3.0, largest.max(3.0)))
+            .then(|| ((diameter_px * 10.0).round() / 10.0).clamp(3.0, largest_px.max(3.0)))
     }
+}
+
+/// The largest diameter of markers this far apart that a sensor may have, px: a whole number of tenths.
+pub(super) fn largest_diameter_px(pitch_px: f64) -> f64 {
+    (pitch_px / 1.5 * 10.0).floor() / 10.0
 }
 
 /// Median residual vector of the dots around a node, per axis; None with too few of them.

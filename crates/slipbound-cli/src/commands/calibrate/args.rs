@@ -139,7 +139,10 @@ impl Calibrate {
             fs::canonicalize(parent).ok()
         };
         let is_among = |frame: &PathBuf| folder(frame).is_some_and(|of_frame| folder(&beside) == Some(of_frame));
-        match !Path::new(&self.source).is_file() && image_files(&self.source).iter().any(is_among) {
+        // A photo among others is a frame of them.
+        let others = |parent: PathBuf| image_files(&parent.display().to_string()).len() > 1;
+        let is_lone = Path::new(&self.source).is_file() && !folder(Path::new(&self.source)).is_some_and(others);
+        match !is_lone && image_files(&self.source).iter().any(is_among) {
             true => self.output.with_file_name("calibration").join(beside.file_name().unwrap_or_default()),
             false => beside,
         }
