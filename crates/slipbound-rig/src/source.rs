@@ -215,14 +215,18 @@ fn open_video(path: &Path) -> Result<Box<dyn FrameSource + Send>, Error> {
     }
 }
 
-/// What the user should know about a recording that can be read, but not as it seems: images of kinds that are left out,
-/// or an AVI file whose header states a rate that no camera has. That rate is ignored and its frames have no time.
+/// What the user should know about a recording that can be read, but not as it seems: images of kinds that are left out
+/// or that a viewer turns, or an AVI file whose header states a rate that no camera has. That rate is ignored and its frames have no time.
 pub fn doubt(uri: &str) -> Option<String> {
     if let Some((kind, count)) = folder::images_left_out(uri) {
         let images = if count == 1 { "image" } else { "images" };
         return Some(format!(
             "{uri}: {count} {images} of other kinds (.{kind}) left out: only .jpg, .jpeg and .png are read"
         ));
+    }
+    if let Some(orientation) = folder::orientation(uri) {
+        let taken = "images are taken as they are stored, not as a viewer shows them";
+        return Some(format!("{uri}: the first image has the EXIF orientation {orientation}: {taken}"));
     }
     let path = Path::new(uri);
     let mut file = fs::metadata(path).ok().filter(fs::Metadata::is_file).and_then(|_| File::open(path).ok())?;

@@ -195,3 +195,40 @@ fn a_named_pipe_is_read_to_its_end() {
     assert_eq!(frames_count, 10);
     drop(writer.join());
 }
+
+/// A key frame every ten frames, half a second longer between the 15th and the 16th, and without its first three packets.
+#[test]
+fn a_video_that_begins_between_two_key_frames_has_the_times_of_the_frames_that_come() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("whole.ts");
+    let made = |once: &str| {
+        Command::new("ffmpeg")
+            .args(["-v", "error", "-y", "-f", "lavfi", "-i", "testsrc=size=64x48:rate=20:duration=1.5"])
+            .args(["-vf", "setpts=(N*0.05+gte(N\\,15)*0.5)/TB", once, "vfr"])
+            .args(["-c:v", "mpeg2video", "-g", "10", "-bf", "0", "-sc_threshold", "1000000000"])
+            .arg(&path)
+            .status()
+            .is_ok_and(|status| status.success())
+    };
+    // The first is for ffmpeg 5.1 and later.
+    if !["-fps_mode", "-vsync"].into_iter().any(made) {
+        return eprintln!("no ffmpeg here: not tested");
+    }
+    let asked = Command::new("ffprobe")
+        .args(["-v", "quiet", "-show_entries", "packet=pos", "-of", "csv=p=0"])
+        .arg(&path)
+        .output()
+        .expect("comes with ffmpeg");
+    let places = String::from_utf8_lossy(&asked.stdout).into_owned();
+    let from = places.split_whitespace().nth(3).and_then(|place| place.trim_end_matches(',').parse::<usize>().ok());
+    let bytes = fs::read(&path).expect("reads");
+    let cut = dir.path().join("cut.ts");
+    // What says which streams there are is in the first three packets of 188 bytes.
+    fs::write(&cut, [&bytes[..3 * 188], &bytes[from.expect("a place")..]].concat()).expect("writes");
+    let mut source = source::open(cut.to_str().expect("UTF-8")).expect("opens");
+    let (mut frame, mut times_ms) = (FrameBuffer::default(), Vec::new());
+    while let Next::Frame | Next::Silent = source.next(&mut frame).expect("reads") {
+        times_ms.push(frame.time_ns.map(|ns| (ns + 500_000) / 1_000_000));
+    }
+    assert_eq!(times_ms[..7], [0, 50, 100, 150, 200, 750, 800].map(Some));
+}

@@ -50,6 +50,29 @@ fn refused(uri: &str) -> Error {
     source::open(uri).err().expect("an error")
 }
 
+/// As a phone held upright writes it: the sensor's rows, and a note that a viewer is to turn them.
+#[test]
+fn images_that_a_viewer_turns_are_told_of() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let doubt = |orientation: Option<u8>| {
+        let mut bytes = jpeg(0, 64, 48);
+        if let Some(orientation) = orientation {
+            // One entry, of 2 bytes, in the order of a big-endian machine.
+            let tiff =
+                [b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0".as_slice(), &[orientation], &[0; 6]].concat();
+            let app1 = [b"\xFF\xE1\0\x22Exif\0\0".as_slice(), &tiff].concat();
+            bytes.splice(2..2, app1);
+        }
+        fs::write(dir.path().join("1.jpg"), bytes).expect("writes");
+        assert_eq!(drain(open(dir.path()).as_mut()), ["."]);
+        source::doubt(dir.path().to_str().expect("UTF-8"))
+    };
+    assert_eq!(doubt(None), None);
+    assert_eq!(doubt(Some(1)), None);
+    let told = doubt(Some(6)).expect("told");
+    assert!(told.contains("EXIF orientation 6: images are taken as they are stored"), "{told}");
+}
+
 #[test]
 fn a_folder_is_read_in_natural_order_and_other_files_are_passed_over() {
     let dir = tempfile::tempdir().expect("a folder");

@@ -1,7 +1,7 @@
 //! Images in files: a folder, a pattern or a single one, in the natural order of their names.
 
 use super::file_ending::has_ending;
-use super::{Error, natural_sort, picture};
+use super::{Error, jpeg, natural_sort, picture};
 use slipbound::port::{Clock, FrameBuffer, FrameSource, Next, SourceError};
 use std::fs::{self, File};
 use std::io::Read;
@@ -169,6 +169,12 @@ pub(super) fn image_files(uri: &str) -> Vec<PathBuf> {
 /// that are.
 pub(super) fn images_left_out(uri: &str) -> Option<(&'static str, usize)> {
     images(uri).and_then(|folder| folder.others)
+}
+
+/// The EXIF orientation of the first image where that asks for it to be mirrored or turned.
+pub(super) fn orientation(uri: &str) -> Option<u16> {
+    let bytes = images(uri).and_then(|folder| fs::read(folder.files.first()?).ok())?;
+    jpeg::orientation(&bytes).filter(|orientation| (2..=8).contains(orientation))
 }
 
 fn images(uri: &str) -> Option<Folder> {

@@ -52,6 +52,28 @@ pub(super) fn decode(bytes: &[u8], into: &mut FrameBuffer) -> Result<(), String>
     Ok(())
 }
 
+/// The EXIF orientation that a JPEG states: 1 for an upright image, 2 to 8 for one to be mirrored or turned.
+pub(super) fn orientation(bytes: &[u8]) -> Option<u16> {
+    let mut decoder = JpegDecoder::new(ZCursor::new(bytes));
+    decoder.decode_headers().ok()?;
+    stated_orientation(decoder.exif()?)
+}
+
+/// The same from its EXIF data: the byte order, 42, and the place of a list of entries, each a tag, a type, a count and
+/// a value.
+fn stated_orientation(exif: &[u8]) -> Option<u16> {
+    const TAG: u16 = 0x0112;
+    let is_little = exif.starts_with(b"II");
+    let u16_at = |at: usize| {
+        let bytes = *exif.get(at..)?.first_chunk()?;
+        Some(if is_little { u16::from_le_bytes(bytes) } else { u16::from_be_bytes(bytes) })
+    };
+    let list = *exif.get(4..)?.first_chunk()?;
+    let list = if is_little { u32::from_le_bytes(list) } else { u32::from_be_bytes(list) } as usize;
+    let entries = (0..usize::from(u16_at(list)?)).map(|number| list + 2 + 12 * number);
+    entries.into_iter().find(|at| u16_at(*at) == Some(TAG)).and_then(|at| u16_at(at + 8))
+}
+
 /// The decoder's reason, without the quotes that it puts round some.
 fn in_words(e: &DecodeErrors) -> String {
     format!("{e:?}").trim_matches('"').to_owned()

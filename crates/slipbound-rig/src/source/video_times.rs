@@ -41,30 +41,43 @@ impl VideoTimes {
 /// Frame times and number of frames of `input`, as `ffprobe` reports them; nothing if it is not installed or does not
 /// know. `ffmpeg` reports what is wrong with the file.
 pub(super) fn probe(input: &OsStr) -> (VideoTimes, Option<u64>) {
-    let asked = Command::new("ffprobe")
-        .args(["-v", "quiet", "-select_streams", "v:0"])
-        .args(["-show_entries", "packet=pts_time,flags:stream=avg_frame_rate,nb_frames", "-of", "compact=p=0"])
-        .arg(input)
-        .stdin(Stdio::null())
-        .output();
-    read(&asked.map(|o| String::from_utf8_lossy(&o.stdout).into_owned()).unwrap_or_default())
+    let ask = |entries: &str| {
+        let asked = Command::new("ffprobe")
+            .args(["-v", "quiet", "-select_streams", "v:0", "-show_entries", entries, "-of", "compact=p=0"])
+            .arg(input)
+            .stdin(Stdio::null())
+            .output();
+        asked.map(|o| String::from_utf8_lossy(&o.stdout).into_owned()).unwrap_or_default()
+    };
+    let packets = ask("packet=pts_time,flags:stream=avg_frame_rate,nb_frames");
+    // Packets before the first key frame may give no frame, which only decoding shows.
+    let first = packets.lines().find_map(|line| value(line, "flags"));
+    match first.is_none_or(|flags| flags.contains('K')) {
+        true => read(&packets),
+        false => read(&format!("{}{packets}", ask("frame=best_effort_timestamp_time"))),
+    }
 }
 
-/// Reads lines of `key=value|key=value`: one per packet, and one for the stream.
+/// The value of a key in a line of `key=value|key=value`.
+fn value(line: &str, key: &str) -> Option<String> {
+    line.split('|').find_map(|field| field.trim().strip_prefix(key)?.strip_prefix('=').map(str::to_owned))
+}
+
+/// Reads such lines: one per frame, where those were asked for, one per packet, and one for the stream.
 fn read(text: &str) -> (VideoTimes, Option<u64>) {
-    let value = |line: &str, key: &str| {
-        line.split('|').find_map(|field| field.trim().strip_prefix(key)?.strip_prefix('=').map(str::to_owned))
-    };
     let of_stream = |key: &str| text.lines().find_map(|line| value(line, key));
     let rate = of_stream("avg_frame_rate").and_then(|rate| {
         let (frames, seconds) = rate.split_once('/')?;
         Some(Rate { frames: frames.parse().ok()?, seconds: seconds.parse().ok()? })
     });
-    let packets: Vec<&str> = text.lines().filter(|line| line.contains("pts_time=")).collect();
+    let times_of = |key: &str| -> Vec<(&str, String)> {
+        text.lines().filter_map(|line| Some((line, value(line, key)?))).collect()
+    };
+    let frames = times_of("best_effort_timestamp_time");
+    let timed = if frames.is_empty() { times_of("pts_time") } else { frames };
     // Frames that a player must not show are not decoded either.
-    let shown = packets.iter().filter(|line| !value(line, "flags").is_some_and(|flags| flags.contains('D')));
-    let stamps_s: Option<Vec<f64>> =
-        shown.map(|line| value(line, "pts_time")?.parse().ok().filter(|s: &f64| s.is_finite())).collect();
+    let shown = timed.iter().filter(|(line, _)| !value(line, "flags").is_some_and(|flags| flags.contains('D')));
+    let stamps_s: Option<Vec<f64>> = shown.map(|(_, s)| s.parse().ok().filter(|s: &f64| s.is_finite())).collect();
     let mut stamps_s = stamps_s.unwrap_or_default();
     // Packets come in the order of decoding.
     stamps_s.sort_by(f64::total_cmp);
